@@ -1,0 +1,52 @@
+// Triple-buffer channel from one writer thread to one reader thread.
+//
+// Thread safety: exactly one writer and one reader, each its own thread; they share one atomic byte.
+// Invariants:
+//  1. {back, middle, front} is always a permutation of {0, 1, 2}; `back` is the writer's alone,
+//     `front` the reader's alone, `middle` is whichever index the atomic holds.
+//  2. The atomic holds the middle index and a "new" bit, set by publish, cleared by acquire.
+//  3. publish: exchange(back | new, acq_rel): the reader that takes it sees all writes before it.
+//  4. A reader never goes back: a taken slot is the newest published before the take.
+// Guarantee: publish and acquire are wait-free (one atomic exchange each), no allocation.
+// T is written in place; it is never copied by the channel.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+
+namespace hapticd {
+
+template <typename T>
+class Channel {
+ public:
+  Channel() : slot_(std::make_unique<std::array<T, 3>>()) {}
+  Channel(const Channel&) = delete;
+  Channel& operator=(const Channel&) = delete;
+
+  // Writer: the slot to fill in, then publish. The slot's old content is an earlier publication.
+  T& back() noexcept { return (*slot_)[back_]; }
+  void publish() noexcept {
+    back_ = middle_.exchange(static_cast<std::uint8_t>(back_ | new_bit), std::memory_order_acq_rel) & index_mask;
+  }
+
+  // Reader: takes the newest if there is one (true), and looks at it.
+  bool acquire() noexcept {
+    if (!(middle_.load(std::memory_order_relaxed) & new_bit)) return false;
+    front_ = middle_.exchange(front_, std::memory_order_acq_rel) & index_mask;
+    return true;
+  }
+  const T& front() const noexcept { return (*slot_)[front_]; }
+
+ private:
+  static constexpr std::uint8_t new_bit = 4, index_mask = 3;
+  static_assert(std::atomic<std::uint8_t>::is_always_lock_free);
+
+  std::unique_ptr<std::array<T, 3>> slot_;
+  std::uint8_t back_ = 0;                       // writer's
+  alignas(64) std::atomic<std::uint8_t> middle_{1};
+  alignas(64) std::uint8_t front_ = 2;          // reader's
+};
+
+}  // namespace hapticd

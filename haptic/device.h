@@ -1,0 +1,94 @@
+// What crosses between a device and the haptic loop, as plain values.
+//
+// Units: m, N, N·m, ns (CLOCK_MONOTONIC of the daemon unless said otherwise). Device frame: the
+// device's own workspace; `to_scene` maps it into the scene.
+//   p_scene = origin + q_frame (position_scale · p_device),   q_scene = q_frame q_device q_tool
+//   f_device = force_scale · q_frameᵀ f_scene,   τ_device = (force_scale / position_scale) · q_frameᵀ τ_scene
+// so that both parts of the wrench do work in the same ratio force_scale / position_scale.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "physics/types.h"
+
+namespace hapticd {
+
+enum Button : std::uint32_t { pedal_phaco = 1u << 0, pedal_aspiration = 1u << 1 };
+
+struct DeviceSample {
+  std::uint64_t sequence = 0;        // the client's, strictly rising
+  std::int64_t client_time_ns = 0;   // the client's clock, echoed
+  std::int64_t received_ns = 0;      // daemon's clock, at the take
+  Pose pose;                         // device frame; may be anything until validated
+  std::uint32_t buttons = 0;
+  bool enable = false;               // the client asks for force
+};
+
+// Bits of a force message; 0 is: armed, all well.
+enum Status : std::uint32_t {
+  status_disarmed = 1u << 0,          // no force is being rendered
+  status_holding = 1u << 1,           // no device state for 3 ms: last force held
+  status_ramping_down = 1u << 2,      // no device state for 10 ms
+  status_ramping_up = 1u << 3,        // after arming
+  status_problem_old = 1u << 4,       // condensed problem older than 60 ms: damping only
+  status_problem_lost = 1u << 5,      // older than 200 ms: zero
+  status_gap = 1u << 6,               // the loop itself slept ≥ 5 ms
+  status_rejected = 1u << 7,          // the newest state was refused
+  status_latched = 1u << 8,           // three refusals in a row: zero until re-armed
+  status_conflict = 1u << 9,          // a second writer for this device was seen
+  status_saturated = 1u << 10,        // the device's maximum force was reached
+  status_slew_limited = 1u << 11,
+  status_not_finite = 1u << 12,       // a force was not finite: zero, latched
+  status_solver_cap = 1u << 13,       // the contact solve ended at its cap
+  status_blending = 1u << 14,         // ≤ 5 ms after a removal or a stall
+  status_contacts_dropped = 1u << 15  // more contacts than capacity
+};
+
+struct ForceSample {
+  std::uint64_t sequence = 0;        // the loop's tick
+  std::uint64_t echo_sequence = 0;   // of the device state it answers; 0: none
+  std::int64_t echo_client_time_ns = 0;
+  Vec3 force = Vec3::Zero();         // device frame, on the device [N]
+  Vec3 torque = Vec3::Zero();        // [N·m]
+  std::uint32_t status = status_disarmed;
+  std::uint64_t step = 0;            // simulation step of the condensed problem
+  std::int64_t state_age_ns = 0;     // intended tick − receipt of the state
+  std::int64_t problem_age_ns = 0;
+  std::int64_t wake_ns = 0;          // lateness of this tick against the intended time
+  std::int64_t solve_ns = 0;
+  std::uint32_t contacts = 0;
+  std::uint32_t active = 0;
+  std::uint32_t dropped = 0;
+  double residual = 0;
+  double penetration = 0;            // scene [m]
+};
+
+// A device's limits and its map into the scene (config/devices/*.yaml).
+struct DeviceSettings {
+  std::uint32_t id = 0;
+  double max_force = 0;              // [N]
+  double max_torque = 0;             // [N·m]; 0: a 3-DoF device, torque is not sent
+  double max_force_rate = 0;         // slew limit [N/s]
+  double max_speed = 0;              // a faster jump between states is refused [m/s]
+  double workspace_radius = 0;       // [m]
+  double damping = 0;                // for "damping only" [N·s/m]
+  double position_scale = 1;         // scene metres per device metre
+  double force_scale = 1;            // device newtons per scene newton
+  Vec3 origin = Vec3::Zero();        // scene point of the device's origin [m]
+  Quat frame = Quat::Identity();     // device axes → scene axes
+  Quat tool = Quat::Identity();      // instrument axes in the stylus frame
+};
+
+// Device pose to instrument pose in the scene, and a scene wrench back to the device.
+inline Pose to_scene(const DeviceSettings& d, const Pose& device) noexcept {
+  return {d.origin + d.frame * (d.position_scale * device.p), (d.frame * device.q * d.tool).normalized()};
+}
+inline Vec3 torque_to_device(const DeviceSettings& d, const Vec3& scene) noexcept {
+  return d.force_scale / d.position_scale * (d.frame.conjugate() * scene);
+}
+inline Vec3 force_to_device(const DeviceSettings& d, const Vec3& scene) noexcept {
+  return d.force_scale * (d.frame.conjugate() * scene);
+}
+
+}  // namespace hapticd

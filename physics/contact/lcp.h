@@ -1,0 +1,54 @@
+// Frictionless contact: a linear complementarity problem by block principal pivoting.
+//
+//   w = (W + ε D) z + q,   0 ≤ w ⟂ z ≥ 0,   D = diag(W),  ε = relative_diagonal
+//
+// Block pivoting (Júdice and Pires 1994: exchange all infeasible indices while their number falls,
+// at most `patience` times without a fall) and then Murty's single-pivot least-index rule, which is
+// finite on every P-matrix; W + εD is one, also where W is rank-deficient (duplicated contacts).
+// Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
+// in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
+// Units: W [m/N], q [m], z [N]. Errors: a status, never an exception.
+// Guarantee: no allocation, wait-free, bounded by max_pivots factorisations of rows³/3 flops.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "physics/contact/condensed_problem.h"
+
+namespace hapticd {
+
+enum class SolveStatus : std::uint8_t { solved, iteration_cap, deadline, not_finite };
+
+struct LcpOptions {
+  double relative_diagonal = 1e-9;
+  int patience = 3;
+  int max_pivots = 1000;
+};
+
+struct LcpResult {
+  SolveStatus status = SolveStatus::solved;
+  int pivots = 0;        // changes of the active set
+  bool fell_back = false;  // the single-pivot rule was needed
+  int active = 0;
+  double residual = 0;   // max_i |min(z_i, w_i / W_ii)| / max(max_i |z_i|, max_i |q_i| / W_ii): natural map
+};
+
+struct LcpWorkspace {
+  std::array<double, std::size_t(max_rows) * max_rows> factor;
+  std::array<int, max_rows> index;
+  std::array<double, max_rows> w;
+  std::array<double, max_rows> best;
+  std::array<std::uint8_t, max_rows> cached_set{};
+  std::uint64_t cached_version = 0;  // 0: nothing cached
+  int cached_rows = 0;
+};
+
+// z and active have n entries; active is read as warm start and left as the solution's active set.
+// matrix_version: equal nonzero values promise an unchanged W; 0: W is new.
+LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
+                    Eigen::Ref<VecX> z, std::span<std::uint8_t> active, LcpWorkspace& workspace,
+                    std::uint64_t matrix_version, const LcpOptions& options) noexcept;
+
+}  // namespace hapticd

@@ -1,0 +1,90 @@
+// Contact rows from a patch and an instrument pose: the pure function both loops share.
+//
+//   H_i = Fᵢᵀ Σ_a w_a E_a,   J_i = −Fᵢᵀ [I, −(s − p)×],   F = [n t₁ t₂]
+//   δ_n,free = gap(s) − n·(s − s_free) (+ the coupling's shift),   δ_t,free = Tᵀ(s_free − anchor)
+//
+// s is the sample's position at the linearisation, s_free its position without contact. A row exists
+// where gap(s) < margin and the instrument is on the outer side of the tissue
+// (n · outward < 0): no ghost contacts from inside. More candidates than capacity: the smallest gaps
+// are kept and the rest counted in `dropped`.
+// Units: δ in m, λ in N, J·twist in m. Friction rows exist only where some μ > 0.
+// Anchors: a sample that sticks keeps the place in the instrument's frame where it began to stick;
+// a sliding or new one takes its place of the previous solve (slip is per solve, not per step).
+// Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
+// Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
+// contact_solve.h.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "physics/contact/condensed_problem.h"
+#include "physics/contact/instrument.h"
+
+namespace hapticd {
+
+struct ContactRow {
+  int sample;          // index into the problem's samples
+  std::uint64_t id;    // the sample's id
+  Mat3 frame;          // columns n, t1, t2 (world)
+  Vec3 arm;            // s − p_instrument [m]
+  Vec3 delta_free;     // [m]: normal, then two tangential (0 where frictionless)
+  double gap;          // true signed distance at the linearisation [m]
+  double friction;     // μ
+};
+
+// Rows per contact: 1 (frictionless: row i is contact i) or 3 (rows 3i, 3i+1, 3i+2).
+struct ContactRows {
+  int contacts = 0;
+  int rows_per_contact = 1;
+  int dropped = 0;  // candidates beyond capacity
+  std::array<ContactRow, max_contacts> row;
+  std::array<double, std::size_t(max_rows) * max_rows> W_storage;  // column-major, ld = rows()
+  std::array<double, max_rows> q_storage;                          // δ_free
+
+  int rows() const noexcept { return contacts * rows_per_contact; }
+  Eigen::Map<MatX> W() noexcept { return {W_storage.data(), rows(), rows()}; }
+  Eigen::Map<const MatX> W() const noexcept { return {W_storage.data(), rows(), rows()}; }
+  Eigen::Map<VecX> q() noexcept { return {q_storage.data(), rows()}; }
+  Eigen::Map<const VecX> q() const noexcept { return {q_storage.data(), rows()}; }
+};
+
+// What a contact remembers between solves, found again by sample id.
+struct ContactMemory {
+  struct Entry {
+    std::uint64_t id;
+    Vec3 lambda;        // world axes, on the tissue [N]
+    Vec3 anchor;        // instrument frame [m]
+    bool sticking;
+  };
+  int count = 0;
+  std::array<Entry, max_contacts> entry;  // sorted by id
+
+  const Entry* find(std::uint64_t id) const noexcept;
+};
+
+// Positions of the patch's nodes that rows are linearised at (x_free to begin with).
+using PatchPositions = std::array<Vec3, max_patch_nodes>;
+
+// Selects contacts and fills `rows` with frames, δ_free and W for the instrument's free pose X
+// (device pose, plus the coupling's memory) and for the linearisation pose X_lin of the instrument;
+// K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap at the
+// linearisation is below `margin` become rows.
+void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
+                const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
+                const ContactMemory& memory, double margin, ContactRows& rows) noexcept;
+
+// δ_free of rows frozen at X_ref, for another device pose: δ_free(X) = δ_free + J (X ⊖ X_ref).
+// (Normal rows; tangential rows take their slip since the anchors.)
+void shift_rows(const CondensedProblem& problem, const Pose& X_frozen, const Pose& X_free,
+                const ContactMemory& memory, ContactRows& rows) noexcept;
+
+// The 6-row transpose product: wrench on the instrument = Jᵀ λ (force, torque about its origin).
+Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambda) noexcept;
+
+// Patch displacement u = C_pp Hᵀ λ, added to x_free: positions under contact.
+void displaced_patch(const CondensedProblem& problem, const ContactRows& rows,
+                     std::span<const double> lambda, PatchPositions& x) noexcept;
+
+}  // namespace hapticd

@@ -1,0 +1,65 @@
+// One deformable body: what never changes (TissueModel) and what does (TissueState).
+//
+//   M a + B v = f_int(x) + f_ext + Hᵀλ,   f_int = −∂E/∂x,   E = Σ_e V_e (μ‖F−R‖² + λ/2 tr(RᵀF−I)²)
+//
+// Co-rotational linear tetrahedra with lumped mass. Units: m, kg, N, J. Shapes: per node Vec3, per
+// tetrahedron Mat3. Fixed nodes never move; orphan nodes (no live tetrahedron left) leave the system:
+// they keep their place, carry no force and take no part in C.
+// Source: the paper §2.2, eq. (1); Müller and Gross 2004 for the element.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "physics/tissue/material.h"
+#include "physics/tissue/mesh.h"
+
+namespace hapticd {
+
+using Gradients = Eigen::Matrix<double, 3, 4>;  // ∂N_a/∂X, columns are corners [1/m]
+
+struct TissueModel {
+  TetMesh mesh;
+  Material material;
+  std::vector<Gradients> gradients;      // per tetrahedron, rest shape
+  std::vector<double> volume;            // per tetrahedron [m³]
+  std::vector<std::uint8_t> fixed;       // per node
+  Vec3 gravity = Vec3::Zero();           // [m/s²]
+
+  int node_count() const noexcept { return static_cast<int>(mesh.nodes.size()); }
+  int tet_count() const noexcept { return static_cast<int>(mesh.tets.size()); }
+};
+
+// Throws std::invalid_argument naming the tetrahedron when one has no positive volume.
+TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
+                              const Vec3& gravity);
+
+struct TissueState {
+  std::vector<Vec3> x;                   // present positions [m]
+  std::vector<Vec3> v;                   // [m/s]
+  std::vector<Mat3> rotation;            // per tetrahedron, det = +1, warm start for the next
+  std::vector<std::uint8_t> alive;       // per tetrahedron
+  std::vector<double> mass;              // lumped, summed afresh from live tetrahedra [kg]
+  std::vector<int> live_tets_of_node;    // 0: orphan
+  int removed = 0;                       // tetrahedra removed so far
+};
+
+TissueState rest_state(const TissueModel& model);
+
+// Rotations of all live tetrahedra at x, warm-started from the state's.
+void update_rotations(const TissueModel& model, TissueState& state) noexcept;
+
+// f_int(x) at the state's positions and rotations, and f_ext = gravity · mass, 3·nodes entries [N].
+// Entries of fixed and orphan nodes are zero.
+void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
+void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
+
+// Stored elastic energy [J].
+double elastic_energy(const TissueModel& model, const TissueState& state) noexcept;
+
+// Takes tetrahedra out: alive, mass and node counts follow; orphaned nodes get v = 0.
+// Tetrahedra that are already gone are skipped. Returns how many went.
+int remove_tets(const TissueModel& model, TissueState& state, std::span<const int> tets);
+
+}  // namespace hapticd

@@ -1,0 +1,56 @@
+// A scene as it stands in its YAML file, checked: what exists, of what, and how it is run.
+//
+// Units in the file are SI, as here. Meshes are already read; the reader (scene_reader.h) refuses
+// anything inconsistent with file, line and key.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "haptic/device.h"
+#include "physics/contact/condensed_problem.h"
+#include "physics/contact/instrument.h"
+#include "physics/tissue/material.h"
+#include "physics/tissue/mesh.h"
+
+namespace hapticd {
+
+enum class BodyKind { deformable, rigid };  // rigid: a fixed obstacle
+
+struct SceneBody {
+  std::string name;
+  BodyKind kind = BodyKind::deformable;
+  std::filesystem::path mesh_file;
+  TetMesh mesh;
+  Material material;               // deformable only
+  std::vector<int> fixed_nodes;    // deformable only
+  double friction = 0;             // μ against the instrument
+  bool removable = false;          // the tip may destroy it
+};
+
+struct RemovalSettings {
+  double rate = 0;                 // tetrahedra per second while the pedal is down; 0: never
+  double aspiration_reach = 0;     // fragments nearer to the tip than this are sucked out [m]
+  int aspiration_max_tets = 0;     // a larger fragment does not pass the lumen
+};
+
+struct Scene {
+  std::string name;
+  std::filesystem::path file;
+  double rate = 50;                // simulation [Hz]
+  Renewal contact = Renewal::renewed;
+  double alarm_distance = 0;       // [m]
+  double sample_spacing = 0;       // of material sample points [m]
+  Vec3 gravity = Vec3::Zero();
+  std::vector<SceneBody> bodies;
+  Instrument instrument;
+  VirtualCoupling coupling;
+  RemovalSettings removal;
+  DeviceSettings device;
+  std::filesystem::path device_file;
+  std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
+};
+
+}  // namespace hapticd
