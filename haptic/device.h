@@ -19,10 +19,26 @@ enum Button : std::uint32_t { pedal_phaco = 1u << 0, pedal_aspiration = 1u << 1 
 struct DeviceSample {
   std::uint64_t sequence = 0;        // the client's, strictly rising
   std::int64_t client_time_ns = 0;   // the client's clock, echoed
-  std::int64_t received_ns = 0;      // daemon's clock, at the take
+  std::int64_t received_ns = 0;      // daemon's clock, between the previous take and this one
   Pose pose;                         // device frame; may be anything until validated
   std::uint32_t buttons = 0;
   bool enable = false;               // the client asks for force
+};
+
+// Who is at the other end of the device topic, as seen at one take.
+struct Presence {
+  bool connected = false;            // a client holds the device; false: gone, zero at once
+  bool new_client = false;           // the sample just taken is the first of a new client
+  bool conflict = false;             // another client's sample was refused at this take
+};
+
+// Where the instrument is and what the pedals ask, from the haptic loop to the simulation.
+struct InstrumentInput {
+  bool present = false;              // a valid device state younger than 10 ms exists
+  Pose X;                            // scene; the newest valid one, also when not present
+  std::uint32_t buttons = 0;         // 0 when not present
+  std::int64_t received_ns = 0;
+  std::uint64_t sequence = 0;        // of the device state
 };
 
 // Bits of a force message; 0 is: armed, all well.
@@ -47,13 +63,14 @@ enum Status : std::uint32_t {
 
 struct ForceSample {
   std::uint64_t sequence = 0;        // the loop's tick
-  std::uint64_t echo_sequence = 0;   // of the device state it answers; 0: none
+  std::uint64_t echo_sequence = 0;   // of the newest valid device state; 0: none
+  bool answers = false;              // that state came with this tick
   std::int64_t echo_client_time_ns = 0;
   Vec3 force = Vec3::Zero();         // device frame, on the device [N]
   Vec3 torque = Vec3::Zero();        // [N·m]
   std::uint32_t status = status_disarmed;
   std::uint64_t step = 0;            // simulation step of the condensed problem
-  std::int64_t state_age_ns = 0;     // intended tick − receipt of the state
+  std::int64_t state_age_ns = 0;     // tick − receipt of the state, never negative
   std::int64_t problem_age_ns = 0;
   std::int64_t wake_ns = 0;          // lateness of this tick against the intended time
   std::int64_t solve_ns = 0;
@@ -62,14 +79,15 @@ struct ForceSample {
   std::uint32_t dropped = 0;
   double residual = 0;
   double penetration = 0;            // scene [m]
+  double energy = 0;                 // passivity observer: what the client put in less what it got [J]
 };
 
 // A device's limits and its map into the scene (config/devices/*.yaml).
 struct DeviceSettings {
   std::uint32_t id = 0;
-  double max_force = 0;              // [N]
+  double max_force = 0;              // [N]; 0: no force at all
   double max_torque = 0;             // [N·m]; 0: a 3-DoF device, torque is not sent
-  double max_force_rate = 0;         // slew limit [N/s]
+  double max_force_rate = 0;         // slew limit [N/s]; 0: no force at all
   double max_speed = 0;              // a faster jump between states is refused [m/s]
   double workspace_radius = 0;       // [m]
   double damping = 0;                // for "damping only" [N·s/m]

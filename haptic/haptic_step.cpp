@@ -1,0 +1,129 @@
+#include "haptic/haptic_step.h"
+
+namespace hapticd {
+namespace {
+
+WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
+  return {.now_ns = input.now_ns, .presence = input.presence, .taken = input.taken, .sample = input.sample,
+          .has_problem = problem && problem->step > 0,
+          .problem_published_ns = problem ? problem->published_ns : 0};
+}
+
+ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, HapticState& s) noexcept {
+  ForceSample answer;
+  answer.sequence = ++s.tick;
+  answer.status = verdict.status;
+  answer.answers = verdict.answers;
+  if (s.watchdog.has_sample) {
+    answer.echo_sequence = s.watchdog.sample.sequence;
+    answer.echo_client_time_ns = s.watchdog.sample.client_time_ns;
+  }
+  answer.step = problem ? problem->step : 0;
+  answer.state_age_ns = verdict.state_age_ns;
+  answer.problem_age_ns = verdict.problem_age_ns;
+  return answer;
+}
+
+Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument, const DeviceSettings& device,
+                      const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
+  const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
+  const ContactSolution solution = solve_contact(problem, instrument, to_scene(device, s.watchdog.sample.pose),
+                                                 period, options.contact, s.contact, s.scratch);
+  s.solved = true;
+  answer.contacts = static_cast<std::uint32_t>(solution.contacts);
+  answer.active = static_cast<std::uint32_t>(solution.active);
+  answer.dropped = static_cast<std::uint32_t>(solution.dropped);
+  answer.residual = solution.residual;
+  answer.penetration = solution.penetration;
+  if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
+  if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
+  return {force_to_device(device, solution.wrench.head<3>()), torque_to_device(device, solution.wrench.tail<3>())};
+}
+
+// Nothing is rendered, so nothing may be remembered that a later arming would feel.
+ForceSample silence(ForceSample answer, HapticState& s) noexcept {
+  s.contact.memory.count = 0;
+  s.contact.coupling_offset.setZero();
+  s.contact.frozen_step = 0;
+  s.blend.left = 0;
+  s.passivity = {};
+  s.render = Render::zero;
+  s.rendered = s.sent = {};
+  answer.force.setZero();
+  answer.torque.setZero();
+  return answer;
+}
+
+ForceSample not_finite(ForceSample answer, HapticState& s) noexcept {
+  latch_not_finite(s.watchdog);
+  answer.status |= status_not_finite | status_latched | status_disarmed;
+  return silence(answer, s);
+}
+
+}  // namespace
+
+ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
+                        const DeviceSettings& device, const HapticOptions& options,
+                        const HapticInput& input, HapticState& s) noexcept {
+  const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
+  s.solved = false;
+
+  // read
+  const Verdict verdict = watch(options.watchdog, device, watchdog_input(input, problem), s.watchdog);
+  ForceSample answer = answer_to(verdict, problem, s);
+  if (verdict.render == Render::zero) return silence(answer, s);
+  observe(s.passivity, s.watchdog.sample.pose, s.sent);
+
+  // compute
+  Wrench wrench = s.rendered;
+  if (verdict.render == Render::contact)
+    wrench = contact_wrench(*problem, instrument, device, options, s, answer);
+  else if (verdict.render == Render::damp)
+    wrench = {-device.damping * s.watchdog.velocity, Vec3::Zero()};
+  if (!is_finite(wrench)) return not_finite(answer, s);
+
+  // filter
+  if (verdict.render != Render::hold) {
+    const bool removal = verdict.render == Render::contact && problem->step != s.step && problem->topology_changed;
+    const bool change = s.render != Render::zero && s.render != verdict.render;
+    if (removal || change) start_blend(s.blend, s.rendered, wrench);
+    if (s.blend.left > 0) answer.status |= status_blending;
+    wrench = blended(s.blend, wrench, period, options.blend_time);
+  }
+  s.step = problem->step;
+  s.render = verdict.render;
+  s.rendered = wrench;
+  wrench = verdict.gain * wrench;
+  if (options.passivity_control)
+    wrench.force += passivity_force(s.passivity, s.watchdog.velocity, device.damping, period);
+
+  // limit
+  bool saturation = false, slew = false;
+  wrench = saturated(device, wrench, saturation);
+  wrench = slew_limited(device, s.sent, wrench, period, slew);
+  if (saturation) answer.status |= status_saturated;
+  if (slew) answer.status |= status_slew_limited;
+
+  // check finite
+  if (!is_finite(wrench)) return not_finite(answer, s);
+
+  // answer
+  s.sent = wrench;
+  answer.force = wrench.force;
+  answer.torque = wrench.torque;
+  answer.energy = s.passivity.energy;
+  return answer;
+}
+
+InstrumentInput instrument_input(const DeviceSettings& device, const WatchdogLimits& limits,
+                                 const WatchdogState& state, std::int64_t now_ns) noexcept {
+  InstrumentInput in;
+  in.present = state.has_sample && now_ns - state.sample.received_ns < limits.ramp_after_ns;
+  in.X = to_scene(device, state.sample.pose);
+  in.buttons = in.present ? state.sample.buttons : 0;
+  in.received_ns = state.sample.received_ns;
+  in.sequence = state.sample.sequence;
+  return in;
+}
+
+}  // namespace hapticd

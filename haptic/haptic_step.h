@@ -1,0 +1,56 @@
+// One tick of the haptic loop as a pure function: device state in, force out.
+//
+//   δ_free(X) → λ → wrench = Jᵀλ → device axes and scale → blend → gain → limits → force
+//
+// read → compute → filter → limit → check finite → answer. Every path to the answer goes through
+// the limits, or is exactly zero. Units: m, N, N·m, ns; the answer is in the device frame.
+// The answer's wake_ns and solve_ns are the loop's to fill in: there is no clock here.
+// Guarantee: noexcept, no allocation, wait-free, bounded by the contact solve's bound.
+#pragma once
+
+#include "haptic/limits.h"
+#include "haptic/passivity.h"
+#include "haptic/watchdog.h"
+#include "physics/contact/contact_solve.h"
+
+namespace hapticd {
+
+struct HapticOptions {
+  WatchdogLimits watchdog;
+  ContactOptions contact;
+  double blend_time = 5e-3;        // [s]
+  bool passivity_control = false;  // the observer always runs
+};
+
+struct HapticInput {
+  std::int64_t now_ns = 0;         // CLOCK_MONOTONIC
+  Presence presence;
+  bool taken = false;              // `sample` is new
+  DeviceSample sample;
+};
+
+// About 1 MB of scratch: keep it on the heap, made before the loop starts.
+struct HapticState {
+  WatchdogState watchdog;
+  ContactState contact;
+  ContactScratch scratch;
+  Blend blend;
+  PassivityState passivity;
+  Render render = Render::zero;    // of the previous tick
+  Wrench rendered;                 // of the previous tick, before gain and limits
+  Wrench sent;                     // of the previous tick
+  std::uint64_t tick = 0;
+  std::uint64_t step = 0;          // newest simulation step rendered
+  bool solved = false;             // this tick ran the contact solve
+};
+
+// problem: the newest, or null when there is none yet.
+ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
+                        const DeviceSettings& device, const HapticOptions& options,
+                        const HapticInput& input, HapticState& state) noexcept;
+
+// Where the simulation should believe the instrument to be after this tick.
+InstrumentInput instrument_input(const DeviceSettings& device, const WatchdogLimits& limits,
+                                 const WatchdogState& state, std::int64_t now_ns) noexcept;
+
+}  // namespace hapticd

@@ -1,0 +1,48 @@
+#include "haptic/limits.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace hapticd {
+namespace {
+
+Vec3 within(const Vec3& v, double radius, bool& hit) noexcept {
+  const double norm = v.stableNorm();  // does not overflow on forces that are finite and absurd
+  if (norm <= radius) return v;
+  hit = true;
+  return v * (std::max(radius, 0.0) / norm);
+}
+
+}  // namespace
+
+bool is_finite(const Wrench& w) noexcept { return w.force.allFinite() && w.torque.allFinite(); }
+
+Wrench saturated(const DeviceSettings& device, const Wrench& w, bool& hit) noexcept {
+  // A 3-DoF device (max_torque 0) is not saturated by a torque that it never sees.
+  bool unseen = false;
+  return {within(w.force, device.max_force, hit),
+          within(w.torque, device.max_torque, device.max_torque > 0 ? hit : unseen)};
+}
+
+Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wrench& w, double period,
+                    bool& hit) noexcept {
+  const double step = device.max_force_rate * period;
+  const double torque_step = device.max_force > 0 ? step * device.max_torque / device.max_force : 0;
+  const Wrench change = w - last;
+  return {last.force + within(change.force, step, hit), last.torque + within(change.torque, torque_step, hit)};
+}
+
+void start_blend(Blend& blend, const Wrench& last, const Wrench& fresh) noexcept {
+  blend.offset = last - fresh;
+  blend.left = 1;
+}
+
+Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration) noexcept {
+  if (blend.left <= 0) return fresh;
+  const Wrench w = fresh + blend.left * blend.offset;
+  blend.left -= period / duration;
+  if (blend.left < 1e-9) blend.left = 0;
+  return w;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,48 @@
+// What stands between any computed force and a hand: finite check, saturation, slew limit, blend.
+//
+//   saturation   F ← F · min(1, F_max / ‖F‖)                      direction kept
+//   slew         F ← F_last + ΔF · min(1, Ḟ_max T / ‖ΔF‖)         per tick sent, whatever time passed
+//   blend        F ← F + (F_before − F_after) · (1 − t / 5 ms)    after a removal or a stall
+//
+// Two points of the ball ‖F‖ ≤ F_max have their segment in it, so slew after saturation obeys both.
+// Torque likewise, with τ_max and the slew Ḟ_max τ_max / F_max (equal time to full scale).
+// Units: N, N·m, s, device frame. Guarantee: wait-free, no allocation.
+#pragma once
+
+#include "haptic/device.h"
+
+namespace hapticd {
+
+struct Wrench {
+  Vec3 force = Vec3::Zero();   // [N]
+  Vec3 torque = Vec3::Zero();  // [N·m]
+};
+
+inline Wrench operator+(const Wrench& a, const Wrench& b) noexcept {
+  return {a.force + b.force, a.torque + b.torque};
+}
+inline Wrench operator-(const Wrench& a, const Wrench& b) noexcept {
+  return {a.force - b.force, a.torque - b.torque};
+}
+inline Wrench operator*(double s, const Wrench& w) noexcept { return {s * w.force, s * w.torque}; }
+
+bool is_finite(const Wrench& w) noexcept;
+
+// hit: set to true when something was cut, else left alone.
+Wrench saturated(const DeviceSettings& device, const Wrench& w, bool& hit) noexcept;
+Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wrench& w, double period,
+                    bool& hit) noexcept;
+
+// An offset that decays linearly to nothing.
+struct Blend {
+  Wrench offset;
+  double left = 0;  // 1 → 0
+};
+
+// From now on `fresh` is approached from `last`; a blend under way is replaced.
+void start_blend(Blend& blend, const Wrench& last, const Wrench& fresh) noexcept;
+
+// The blended wrench; one period further each call, none left after `duration`.
+Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration) noexcept;
+
+}  // namespace hapticd

@@ -1,0 +1,141 @@
+#include "haptic/loop.h"
+
+#include <time.h>
+
+#include <cerrno>
+#include <stdexcept>
+#include <system_error>
+
+namespace hapticd {
+namespace {
+
+constexpr auto relaxed = std::memory_order_relaxed;
+
+// A longer stall than this many slots is recorded only this often: the tick stays bounded.
+constexpr std::int64_t max_recorded_misses = 10'000;
+
+void sleep_until(std::int64_t ns) noexcept {
+  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
+  }
+}
+
+// The loop's thread is the only writer, so load and store suffice.
+template <typename T>
+void add(std::atomic<T>& a, T n) noexcept {
+  a.store(a.load(relaxed) + n, relaxed);
+}
+void raise(std::atomic<double>& a, double v) noexcept {
+  if (v > a.load(relaxed)) a.store(v, relaxed);
+}
+
+}  // namespace
+
+std::int64_t monotonic_ns() noexcept {
+  timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
+}
+
+HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& device, const HapticOptions& options,
+                       DevicePort& port, Channel<CondensedProblem>& problems,
+                       Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history)
+    : instrument_(instrument), device_(device), options_(options), port_(port), problems_(problems),
+      instrument_inputs_(instrument_inputs), history_(history), state_(std::make_unique<HapticState>()) {}
+
+HapticLoop::~HapticLoop() { stop(); }
+
+void HapticLoop::start(std::function<void()> on_thread) {
+  try {
+    thread_ = std::thread([this, on_thread = std::move(on_thread)] {
+      if (on_thread) on_thread();
+      run();
+    });
+  } catch (const std::system_error& e) {
+    throw std::runtime_error(std::string("cannot start the haptic thread: ") + e.what());
+  }
+}
+
+void HapticLoop::stop() noexcept {
+  stopping_.store(true, relaxed);
+  if (thread_.joinable()) thread_.join();
+}
+
+void HapticLoop::run() noexcept {
+  std::int64_t intended = monotonic_ns() + options_.watchdog.period_ns;
+  statistics_.first_ns.store(intended, relaxed);
+  while (!stopping_.load(relaxed)) {
+    sleep_until(intended);
+    tick(intended);
+    intended = next_slot(intended);
+  }
+  ForceSample last;
+  last.sequence = state_->tick + 1;
+  port_.write(last);
+}
+
+void HapticLoop::tick(std::int64_t intended) noexcept {
+  const std::int64_t woken = monotonic_ns();
+
+  HapticInput input;
+  input.now_ns = woken;
+  input.taken = port_.take(woken, input.sample);
+  input.presence = port_.presence();
+  problems_.acquire();
+  const CondensedProblem* problem = problems_.front().step > 0 ? &problems_.front() : nullptr;
+
+  const std::int64_t begun = monotonic_ns();
+  ForceSample force = haptic_step(problem, instrument_, device_, options_, input, *state_);
+  const std::int64_t solved = monotonic_ns();
+  force.wake_ns = woken - intended;
+  force.solve_ns = solved - begun;
+
+  port_.write(force);
+  const std::int64_t written = monotonic_ns();
+
+  const WatchdogState& watchdog = state_->watchdog;
+  const InstrumentInput instrument = instrument_input(device_, options_.watchdog, watchdog, woken);
+  instrument_inputs_.back() = instrument;
+  instrument_inputs_.publish();
+  history_.push({intended, force, watchdog.sample.pose, instrument});
+
+  statistics_.write.record(written - solved);
+  count(force);
+}
+
+void HapticLoop::count(const ForceSample& force) noexcept {
+  statistics_.wake.record(force.wake_ns);
+  if (state_->solved) {
+    statistics_.solve.record(force.solve_ns);
+    raise(statistics_.penetration_max, force.penetration);
+  }
+  if (force.problem_age_ns >= 0) statistics_.problem_age.record(force.problem_age_ns);
+  add(statistics_.run, std::uint64_t{1});
+  if (force.answers) {
+    statistics_.state_age.record(force.state_age_ns);
+    add(statistics_.answered, std::uint64_t{1});
+  }
+  if (force.status & status_solver_cap) add(statistics_.solver_caps, std::uint64_t{1});
+  statistics_.refused.store(state_->watchdog.refused, relaxed);
+  statistics_.conflicts.store(state_->watchdog.conflicts, relaxed);
+  statistics_.status.store(force.status, relaxed);
+  raise(statistics_.force_peak, force.force.norm());
+}
+
+std::int64_t HapticLoop::next_slot(std::int64_t intended) noexcept {
+  const std::int64_t period = options_.watchdog.period_ns;
+  const std::int64_t ended = monotonic_ns();
+  std::int64_t next = intended + period;
+  if (ended > next) {
+    const std::int64_t missed = (ended - next) / period + 1;
+    for (std::int64_t i = 0; i < std::min(missed, max_recorded_misses); ++i)
+      statistics_.wake.record(ended - next - i * period);
+    next += missed * period;
+    add(statistics_.deadline_misses, std::uint64_t{1});
+    add(statistics_.missed, static_cast<std::uint64_t>(missed));
+  }
+  statistics_.next_ns.store(next, relaxed);
+  return next;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,85 @@
+// The safety table as a pure state machine: what may the device feel in this tick?
+//
+//   event                                        | the device feels
+//   ---------------------------------------------|------------------------------------------------------
+//   no valid state for 3 / 10 / 100 ms           | last force held / ramp to zero in 5 ms / disarmed
+//   problem older than 60 / 200 ms               | damping only, F = −b v / zero
+//   own gap ≥ 5 ms                               | that tick counts its state as old as the gap
+//   state refused (sample_check.h)               | it is as if it had not come; three in a row: zero, latched
+//   second client                                | nothing; status_conflict for 100 ms
+//   client gone, enable false                    | zero in the same tick
+//   a force is not finite (latch_not_finite)     | zero in the same tick, latched
+//
+// Arming: an enable that is the first valid state of a new client, or that was seen going false →
+// true, arms as soon as the problem is alive (younger than 60 ms) and nothing is latched; the gain
+// then rises 0 → 1 in 100 ms. After disarming by age only false → true arms again. Seeing enable
+// false clears a latch; a latch by refused states also leaves with its client.
+// Gain: force = gain · (what `render` says). It falls at 1/5 ms while the state is older than 10 ms
+// and rises at 1/100 ms otherwise, per period of the loop: the slots of a gap count as one.
+// Units: ns, m/s. Time is an argument: no clock here. Guarantee: wait-free, no allocation.
+#pragma once
+
+#include "haptic/sample_check.h"
+
+namespace hapticd {
+
+struct WatchdogLimits {
+  std::int64_t period_ns = 1'000'000;
+  std::int64_t hold_after_ns = 3'000'000;
+  std::int64_t ramp_after_ns = 10'000'000;
+  std::int64_t disarm_after_ns = 100'000'000;
+  std::int64_t problem_old_ns = 60'000'000;
+  std::int64_t problem_lost_ns = 200'000'000;
+  std::int64_t own_gap_ns = 5'000'000;
+  std::int64_t ramp_down_ns = 5'000'000;
+  std::int64_t ramp_up_ns = 100'000'000;
+  std::int64_t conflict_shown_ns = 100'000'000;
+  int refusals_to_latch = 3;
+  double quaternion_tolerance = 1e-3;
+};
+
+// What the device is to feel, before the gain.
+enum class Render : std::uint8_t { zero, hold, damp, contact };
+
+struct WatchdogInput {
+  std::int64_t now_ns = 0;
+  Presence presence;
+  bool taken = false;                // `sample` came since the last tick
+  DeviceSample sample;
+  bool has_problem = false;
+  std::int64_t problem_published_ns = 0;
+};
+
+struct WatchdogState {
+  bool has_sample = false;
+  DeviceSample sample;               // newest valid one
+  Vec3 velocity = Vec3::Zero();      // of the device, low-passed, at most max_speed [m/s]
+  std::int64_t last_tick_ns = 0;     // 0: none yet
+  bool may_arm = false;              // an edge or a new client was seen and not used yet
+  bool armed = false;
+  bool latched_by_refusals = false;
+  bool latched_by_force = false;
+  int refusals_in_a_row = 0;
+  std::uint64_t refused = 0;         // since the beginning
+  std::uint64_t conflicts = 0;
+  std::int64_t conflict_until_ns = 0;
+  double gain = 0;
+};
+
+struct Verdict {
+  Render render = Render::zero;
+  double gain = 0;                   // 0 … 1
+  std::uint32_t status = status_disarmed;
+  Refusal refusal = Refusal::none;
+  bool answers = false;              // a valid state came with this tick
+  std::int64_t state_age_ns = -1;    // −1: there is no state
+  std::int64_t problem_age_ns = -1;  // −1: there is no problem
+};
+
+Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const WatchdogInput& input,
+              WatchdogState& state) noexcept;
+
+// To be called when a force turned out not finite: disarmed and latched from now on.
+void latch_not_finite(WatchdogState& state) noexcept;
+
+}  // namespace hapticd

@@ -1,0 +1,133 @@
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "physics/compliance/cholmod_factor.h"
+#include "physics/compliance/compliance.h"
+#include "physics/compliance/patch_inverse.h"
+
+#ifdef HAPTICD_OPENBLAS
+extern "C" void openblas_set_num_threads(int threads);
+#endif
+
+namespace hapticd {
+
+namespace {
+
+class ExactCompliance final : public Compliance {
+ public:
+  ExactCompliance(const TissueModel& model, double h)
+      : fixed_(model.fixed),
+        graph_(node_graph(model)),
+        fill_order_(fill_reducing_order(graph_)),
+        matrix_(model, graph_, h),
+        in_zone_(model.node_count(), 0) {}
+
+  void move_zone(std::span<const int> nodes) override {
+    std::vector<std::uint8_t> in_zone(in_zone_.size(), 0);
+    std::vector<int> zone;
+    for (const int n : nodes) {
+      if (n < 0 || n >= static_cast<int>(in_zone.size()))
+        throw std::invalid_argument("the zone names node " + std::to_string(n));
+      if (fixed_[n] || in_zone[n]) continue;
+      in_zone[n] = 1;
+      zone.push_back(n);
+    }
+    if (in_zone == in_zone_) return;
+    in_zone_ = std::move(in_zone);
+    zone_ = std::move(zone);
+    order_is_current_ = false;
+  }
+
+  bool zone_covers(std::span<const int> nodes) const override {
+    return std::all_of(nodes.begin(), nodes.end(), [&](int n) { return in_zone_[n] || fixed_[n]; });
+  }
+
+  void update(const TissueState& state) override {
+    if (!order_is_current_) {
+      factor_.set_order(matrix_, zone_last_order(graph_, fill_order_, zone_));
+      order_is_current_ = true;
+    }
+    factored_ = corner_is_current_ = false;
+    matrix_.assemble(state);
+    factor_.factor(matrix_);
+    factored_ = true;
+  }
+
+  void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
+    require_factor();
+    Eigen::Map<VecX> x = factor_.vector();
+    for (int n = 0; n < matrix_.node_count(); ++n) {
+      if (matrix_.in_system(n))
+        x.segment<3>(3 * factor_.place(n)) = b.segment<3>(3 * n);
+      else
+        x.segment<3>(3 * factor_.place(n)).setZero();
+    }
+    factor_.solve();
+    for (int n = 0; n < matrix_.node_count(); ++n) {
+      if (matrix_.in_system(n))
+        y.segment<3>(3 * n) = x.segment<3>(3 * factor_.place(n));
+      else
+        y.segment<3>(3 * n).setZero();
+    }
+  }
+
+  void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
+    require_factor();
+    if (!order_is_current_ || !zone_covers(nodes))
+      throw std::invalid_argument("the patch leaves the zone of the last update");
+    const int zone_size = static_cast<int>(zone_.size());
+    if (!corner_is_current_) factor_.trailing_corner(zone_size, corner_);
+    corner_is_current_ = true;
+    const int zone_start = matrix_.node_count() - zone_size;
+    places_.clear();
+    for (const int n : nodes) places_.push_back(matrix_.in_system(n) ? factor_.place(n) - zone_start : -1);
+    patch_inverse_(corner_, places_, block);
+  }
+
+  double error_estimate() override {
+    require_factor();
+    VecX b = VecX::Zero(3 * matrix_.node_count());
+    for (int n = 0; n < matrix_.node_count(); ++n) {
+      if (!matrix_.in_system(n)) continue;
+      for (int r = 0; r < 3; ++r) b[3 * n + r] = std::sin(1.0 + 2.7 * n + 1.3 * r);
+    }
+    VecX y(b.size());
+    apply(b, y);
+    const double size = b.norm();
+    return size > 0 ? (matrix_.multiply(y) - b).norm() / size : 0.0;
+  }
+
+ private:
+  void require_factor() const {
+    if (!factored_) throw std::runtime_error("the compliance was used before a successful update");
+  }
+
+  std::vector<std::uint8_t> fixed_;
+  NodeGraph graph_;
+  std::vector<int> fill_order_;
+  SystemMatrix matrix_;
+  CholmodFactor factor_;
+  PatchInverse patch_inverse_;
+  std::vector<int> zone_;
+  std::vector<std::uint8_t> in_zone_;
+  std::vector<int> places_;
+  MatX corner_;
+  bool order_is_current_ = false;
+  bool factored_ = false;
+  bool corner_is_current_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h) {
+  if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
+#ifdef HAPTICD_OPENBLAS
+  // Two or more BLAS threads lose on fronts this small, and would fight the haptic thread for its core.
+  openblas_set_num_threads(1);
+#endif
+  return std::make_unique<ExactCompliance>(model, h);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,29 @@
+// The compliance of some zone nodes from the factor's dense trailing corner.
+//
+//   C_pp = Eₚᵀ (L Lᵀ)⁻¹ Eₚ = Xᵀ X,   X = L⁻¹ Eₚ
+//
+// A column of X is zero above its own place, so nodes are taken in the order of their places, in panels, and
+// each panel works on the rows from its first place on: a patch at the corner's end costs p³, whatever
+// the zone's size.
+// Shapes: L 3·zone square, lower triangular; places per patch node, -1 gives zero rows and columns; block
+// 3·patch square. Units: L Lᵀ [N/m], block [m/N]. No allocation once the sizes were seen.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "physics/types.h"
+
+namespace hapticd {
+
+class PatchInverse {
+ public:
+  void operator()(const MatX& L, std::span<const int> places, Eigen::Ref<MatX> block);
+
+ private:
+  std::vector<int> sorted_;  // indices into places, by place
+  MatX X_;
+  MatX C_;                   // in sorted order
+};
+
+}  // namespace hapticd

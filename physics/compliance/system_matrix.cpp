@@ -1,0 +1,133 @@
+#include "physics/compliance/system_matrix.h"
+
+#include <algorithm>
+
+#include "physics/tissue/tetrahedron.h"
+
+namespace hapticd {
+
+namespace {
+
+constexpr int corner_pairs[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
+
+double mass_factor(const Material& m, double h) noexcept { return 1 / (h * h) + m.rayleigh_mass / h; }
+double stiffness_factor(const Material& m, double h) noexcept { return 1 + m.rayleigh_stiffness / h; }
+
+}  // namespace
+
+SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, double h)
+    : h_(h), material_(model.material), fixed_(model.fixed) {
+  std::vector<int> first_edge(model.node_count() + 1, 0);
+  for (int i = 0; i < model.node_count(); ++i) {
+    first_edge[i] = static_cast<int>(edges_.size());
+    for (const int j : graph.of(i))
+      if (j > i) edges_.push_back({i, j});
+  }
+  first_edge[model.node_count()] = static_cast<int>(edges_.size());
+  const auto edge_between = [&](int i, int j) {
+    if (fixed_[i] || fixed_[j]) return -1;
+    const auto last = edges_.begin() + first_edge[i + 1];
+    const auto found = std::lower_bound(edges_.begin() + first_edge[i], last, j,
+                                        [](const Edge& e, int node) { return e.j < node; });
+    return static_cast<int>(found - edges_.begin());
+  };
+
+  elements_.resize(model.tet_count());
+  for (int t = 0; t < model.tet_count(); ++t) {
+    const Tet& tet = model.mesh.tets[t];
+    Element& element = elements_[t];
+    std::array<int, 4> corner = {0, 1, 2, 3};
+    std::sort(corner.begin(), corner.end(), [&](int a, int b) { return tet[a] < tet[b]; });
+    for (int a = 0; a < 4; ++a) {
+      element.node[a] = tet[corner[a]];
+      element.gradients.col(a) = model.gradients[t].col(corner[a]);
+    }
+    for (int p = 0; p < 6; ++p)
+      element.edge[p] = edge_between(element.node[corner_pairs[p][0]], element.node[corner_pairs[p][1]]);
+    element.volume = model.volume[t];
+  }
+  diagonal_.resize(model.node_count());
+  coupling_.resize(edges_.size());
+  in_system_.resize(model.node_count());
+}
+
+void SystemMatrix::assemble(const TissueState& state) noexcept {
+  const double mu = stiffness_factor(material_, h_) * material_.mu();
+  const double lambda = stiffness_factor(material_, h_) * material_.lambda();
+  std::fill(diagonal_.begin(), diagonal_.end(), Mat3::Zero());
+  std::fill(coupling_.begin(), coupling_.end(), Mat3::Zero());
+  for (std::size_t t = 0; t < elements_.size(); ++t) {
+    if (!state.alive[t]) continue;
+    const Element& element = elements_[t];
+    const Gradients b = state.rotation[t] * element.gradients;
+    for (int a = 0; a < 4; ++a)
+      diagonal_[element.node[a]] += stiffness_block(b.col(a), b.col(a), element.volume, mu, lambda);
+    for (int p = 0; p < 6; ++p) {
+      if (element.edge[p] < 0) continue;
+      coupling_[element.edge[p]] +=
+          stiffness_block(b.col(corner_pairs[p][0]), b.col(corner_pairs[p][1]), element.volume, mu, lambda);
+    }
+  }
+
+  double trace = 0;
+  int nodes = 0;
+  for (int n = 0; n < node_count(); ++n) {
+    in_system_[n] = !fixed_[n] && state.live_tets_of_node[n] > 0;
+    if (!in_system_[n]) continue;
+    diagonal_[n].diagonal().array() += mass_factor(material_, h_) * state.mass[n];
+    trace += diagonal_[n].trace();
+    ++nodes;
+  }
+  identity_scale_ = nodes > 0 && trace > 0 ? trace / (3 * nodes) : 1.0;
+  for (int n = 0; n < node_count(); ++n)
+    if (!in_system_[n]) diagonal_[n] = identity_scale_ * Mat3::Identity();
+}
+
+VecX SystemMatrix::multiply(const VecX& x) const {
+  VecX y(x.size());
+  for (int n = 0; n < node_count(); ++n) y.segment<3>(3 * n) = diagonal_[n] * x.segment<3>(3 * n);
+  for (std::size_t e = 0; e < edges_.size(); ++e) {
+    const auto [i, j] = edges_[e];
+    y.segment<3>(3 * i) += coupling_[e] * x.segment<3>(3 * j);
+    y.segment<3>(3 * j) += coupling_[e].transpose() * x.segment<3>(3 * i);
+  }
+  return y;
+}
+
+Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state, double h) {
+  const int dofs = 3 * model.node_count();
+  const auto in_system = [&](int n) { return !model.fixed[n] && state.live_tets_of_node[n] > 0; };
+  std::vector<Eigen::Triplet<double>> entries;
+  double trace = 0;
+  int nodes = 0;
+  const auto add = [&](int i, int j, const Mat3& block) {
+    if (!in_system(i) || !in_system(j)) return;
+    if (i == j) trace += block.trace();
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) entries.emplace_back(3 * i + r, 3 * j + c, block(r, c));
+  };
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    const Tet& tet = model.mesh.tets[t];
+    const Gradients b = state.rotation[t] * model.gradients[t];
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j)
+        add(tet[i], tet[j], stiffness_factor(model.material, h) *
+                                stiffness_block(b.col(i), b.col(j), model.volume[t], model.material.mu(),
+                                                model.material.lambda()));
+  }
+  for (int n = 0; n < model.node_count(); ++n) {
+    if (!in_system(n)) continue;
+    add(n, n, mass_factor(model.material, h) * state.mass[n] * Mat3::Identity());
+    ++nodes;
+  }
+  const double identity_scale = nodes > 0 && trace > 0 ? trace / (3 * nodes) : 1.0;
+  for (int n = 0; n < model.node_count(); ++n)
+    if (!in_system(n))
+      for (int r = 0; r < 3; ++r) entries.emplace_back(3 * n + r, 3 * n + r, identity_scale);
+  Eigen::SparseMatrix<double> A(dofs, dofs);
+  A.setFromTriplets(entries.begin(), entries.end());
+  return A;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,62 @@
+// The system matrix A as 3×3 blocks on the node graph, assembled afresh from live tetrahedra.
+//
+//   A = M/h² + B/h + K = (1/h² + α/h) M + (1 + β/h) K,   K = Σ_e K_e(R_e)
+//
+// Units: A [N/m], h [s]. Shapes: one block per node, one per edge (i, j) with i < j: rows of i, columns of j;
+// the blocks of (j, i) are their transposes. Rows of fixed and orphan nodes are those of the identity times
+// `identity_scale`, the mean diagonal of the others, so that they neither couple nor spoil the conditioning.
+// Everything needed is copied: the model may go. Source: the paper, eq. (2).
+#pragma once
+
+#include <Eigen/SparseCore>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "physics/compliance/node_order.h"
+#include "physics/tissue/tissue.h"
+
+namespace hapticd {
+
+class SystemMatrix {
+ public:
+  SystemMatrix(const TissueModel& model, const NodeGraph& graph, double h);
+
+  // At the state's rotations; no allocation.
+  void assemble(const TissueState& state) noexcept;
+
+  struct Edge {
+    int i, j;  // i < j, both free
+  };
+  int node_count() const noexcept { return static_cast<int>(diagonal_.size()); }
+  const std::vector<Edge>& edges() const noexcept { return edges_; }
+  const std::vector<Mat3>& diagonal() const noexcept { return diagonal_; }
+  const std::vector<Mat3>& coupling() const noexcept { return coupling_; }  // per edge
+  bool in_system(int node) const noexcept { return in_system_[node] != 0; }  // neither fixed nor orphan
+  double identity_scale() const noexcept { return identity_scale_; }
+
+  VecX multiply(const VecX& x) const;  // A x
+
+ private:
+  struct Element {
+    Tet node;                 // ascending
+    std::array<int, 6> edge;  // 01 02 03 12 13 23 of `node`; -1 where a node is fixed
+    Gradients gradients;      // columns follow `node`
+    double volume;
+  };
+
+  double h_;
+  Material material_;
+  std::vector<std::uint8_t> fixed_;
+  std::vector<Element> elements_;
+  std::vector<Edge> edges_;
+  std::vector<Mat3> diagonal_;
+  std::vector<Mat3> coupling_;
+  std::vector<std::uint8_t> in_system_;
+  double identity_scale_ = 1;
+};
+
+// The same matrix, both triangles, summed element by element without any of the above: for oracles.
+Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state, double h);
+
+}  // namespace hapticd

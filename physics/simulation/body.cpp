@@ -1,0 +1,67 @@
+#include "physics/simulation/body.h"
+
+#include <stdexcept>
+
+namespace hapticd {
+namespace {
+
+TissueModel model_of(BodySettings& s, const Vec3& gravity) {
+  if (s.deformable) return make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
+  TissueModel model;
+  model.mesh = std::move(s.mesh);
+  return model;
+}
+
+TissueState state_of(const TissueModel& model, bool deformable) {
+  if (deformable) return rest_state(model);
+  TissueState state;
+  state.x = model.mesh.nodes;
+  return state;
+}
+
+}  // namespace
+
+Body::Body(BodySettings settings, double h, const Vec3& gravity)
+    : name(std::move(settings.name)),
+      deformable(settings.deformable),
+      friction(settings.friction),
+      removable(settings.removable),
+      model(model_of(settings, gravity)),
+      state(state_of(model, deformable)),
+      surface(model.mesh),
+      rest(model.mesh.nodes) {
+  if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
+  if (!deformable) return;
+  compliance = make_exact_compliance(model, h);
+  dx_free = VecX::Zero(3 * model.node_count());
+  scratch = dx_free;
+}
+
+void compute_free_motion(Body& body, double h) {
+  internal_forces(body.model, body.state, body.dx_free);
+  external_forces(body.model, body.state, body.scratch);
+  body.dx_free += body.scratch;
+  for (int n = 0; n < body.model.node_count(); ++n)
+    if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
+      body.dx_free.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
+  body.compliance->apply(body.dx_free, body.dx_free);
+}
+
+void correct(Body& body, const VecX* contact_force, double h) {
+  if (contact_force) {
+    body.compliance->apply(*contact_force, body.scratch);
+    body.dx_free += body.scratch;
+  }
+  for (int n = 0; n < body.model.node_count(); ++n) {
+    body.state.x[n] += body.dx_free.segment<3>(3 * n);
+    body.state.v[n] = body.dx_free.segment<3>(3 * n) / h;
+  }
+}
+
+int remove_from(Body& body, std::span<const int> tets) {
+  body.surface.remove(tets);
+  body.asleep = false;
+  return remove_tets(body.model, body.state, tets);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,61 @@
+// One body of the scene while it is simulated: model, state, surface, compliance, free motion.
+//
+//   free motion  b = M v/h + f_ext + f_int(x),   Δx_free = C b
+//
+// A rigid body is a fixed obstacle: it has a surface and no unknowns.
+// Units: m, N. Shapes: vectors have 3·nodes entries.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "physics/compliance/compliance.h"
+#include "physics/tissue/surface.h"
+#include "physics/tissue/tissue.h"
+
+namespace hapticd {
+
+struct BodySettings {
+  std::string name;
+  bool deformable = true;
+  TetMesh mesh;
+  Material material;             // deformable only
+  std::vector<int> fixed_nodes;  // deformable only
+  double friction = 0;           // Coulomb μ against the instrument
+  bool removable = false;        // the tip may destroy it
+};
+
+struct Body {
+  std::string name;
+  bool deformable;
+  double friction;
+  bool removable;
+  TissueModel model;  // of a rigid body: the mesh only
+  TissueState state;  // of a rigid body: the positions only
+  BoundarySurface surface;
+  std::unique_ptr<Compliance> compliance;  // deformable only
+  std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
+  VecX dx_free;
+  VecX scratch;
+  bool asleep = false;  // at rest and out of reach: its step is skipped
+
+  Body(BodySettings settings, double h, const Vec3& gravity);
+  Body(const Body&) = delete;
+  Body& operator=(const Body&) = delete;
+};
+
+// The compliance refers to its body's model, so bodies never move.
+using Bodies = std::deque<Body>;
+
+// Δx_free at the present state, with the factor the compliance holds.
+void compute_free_motion(Body& body, double h);
+
+// x += Δx_free + C f (f: contact forces per node, may be null), v = Δx/h.
+void correct(Body& body, const VecX* contact_force, double h);
+
+// Removes tetrahedra and lets mass, surface and orphan nodes follow. Returns how many went.
+int remove_from(Body& body, std::span<const int> tets);
+
+}  // namespace hapticd

@@ -1,0 +1,50 @@
+// Which surface triangles the instrument can reach: broad and narrow phase at the simulation's rate.
+//
+// Broad phase: a dynamic AABB tree over bodies and primitives; narrow phase: an AABB hierarchy over
+// each body's surface triangles, refitted every step, against each primitive grown by the alarm
+// distance (exact for spheres, capsules and cylinders by FCL and libccd; the bounding box of a convex
+// mesh, whose samples are measured exactly later). FCL's `distance` between an AABB hierarchy and a
+// sphere silently returns nothing; only `collide` is used here.
+// Units: m. Errors: none after construction. Allocates: for the simulation thread only.
+// Cost: refit and query of 2 000 triangles about 0.3 ms.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "physics/contact/instrument.h"
+#include "physics/tissue/surface.h"
+
+namespace hapticd {
+
+struct NearFace {
+  int body;
+  int face;  // index into the faces that `set_surface` was given
+};
+
+class Collision {
+ public:
+  Collision(const Instrument& instrument, double alarm_distance);
+  ~Collision();
+  Collision(const Collision&) = delete;
+  Collision& operator=(const Collision&) = delete;
+
+  // Bodies are numbered in the order they are added; positions are per mesh node.
+  int add_body(std::span<const SurfaceFace> faces, std::span<const Vec3> positions);
+
+  // After a removal: new triangles, hierarchy built anew.
+  void set_surface(int body, std::span<const SurfaceFace> faces, std::span<const Vec3> positions);
+
+  // Same triangles, moved.
+  void refit(int body, std::span<const Vec3> positions);
+
+  // Faces within the alarm distance of the instrument at X, sorted by body and face, unique.
+  void near_faces(const Pose& X, std::vector<NearFace>& out);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,134 @@
+#include "physics/simulation/patch.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace hapticd {
+namespace {
+
+constexpr int max_subdivisions = 16;
+
+std::vector<std::array<double, 3>> make_weights(int k) {
+  std::vector<std::array<double, 3>> out;
+  const double h = 1.0 / k;
+  for (int i = 0; i < k; ++i)
+    for (int j = 0; i + j < k; ++j) {
+      const double u = (i + 1.0 / 3) * h, v = (j + 1.0 / 3) * h;
+      out.push_back({1 - u - v, u, v});
+      if (i + j + 1 < k) {
+        const double s = (i + 2.0 / 3) * h, t = (j + 2.0 / 3) * h;
+        out.push_back({1 - s - t, s, t});
+      }
+    }
+  return out;
+}
+
+std::uint64_t sample_id(int body, int face, int index) {
+  return static_cast<std::uint64_t>(body) << 56 | static_cast<std::uint64_t>(face) << 12 |
+         static_cast<std::uint64_t>(index);
+}
+
+Vec3 weighted(const std::array<double, 3>& w, const Vec3& a, const Vec3& b, const Vec3& c) {
+  return w[0] * a + w[1] * b + w[2] * c;
+}
+
+}  // namespace
+
+int subdivisions(const Vec3& a, const Vec3& b, const Vec3& c, double spacing) {
+  const double area = 0.5 * (b - a).cross(c - a).norm();
+  return std::clamp(static_cast<int>(std::ceil(std::sqrt(area) / spacing)), 1, max_subdivisions);
+}
+
+const std::vector<std::array<double, 3>>& sample_weights(int k) {
+  static const auto tables = [] {
+    std::array<std::vector<std::array<double, 3>>, max_subdivisions + 1> t;
+    for (int i = 1; i <= max_subdivisions; ++i) t[i] = make_weights(i);
+    return t;
+  }();
+  return tables[k];
+}
+
+void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double alarm,
+                           std::span<const NearFace> near, CondensedProblem& problem) {
+  patch_index_.resize(bodies.size());
+  for (std::size_t b = 0; b < bodies.size(); ++b) patch_index_[b].assign(bodies[b].state.x.size(), -1);
+  nodes_.clear();
+  candidates_.clear();
+
+  for (const NearFace& n : near) {
+    const Body& body = bodies[n.body];
+    const Triangle& t = body.surface.faces()[n.face].nodes;
+    double nearest = alarm;
+    for (const auto& w :
+         sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
+      nearest = std::min(
+          nearest,
+          gap_at(instrument, X, weighted(w, body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]))
+              .distance);
+    if (nearest < alarm) candidates_.push_back({nearest, n});
+  }
+  std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
+    return a.gap != b.gap ? a.gap < b.gap
+                          : std::pair(a.face.body, a.face.face) < std::pair(b.face.body, b.face.face);
+  });
+
+  problem.samples = 0;
+  problem.dropped_samples = 0;
+  for (const Candidate& candidate : candidates_) {
+    const int b = candidate.face.body;
+    const Body& body = bodies[b];
+    const SurfaceFace& face = body.surface.faces()[candidate.face.face];
+    const Triangle& t = face.nodes;
+    const auto& weights =
+        sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_));
+    const auto missing =
+        body.deformable ? std::count_if(t.begin(), t.end(), [&](int n) { return patch_index_[b][n] < 0; })
+                        : 0;
+    if (static_cast<int>(nodes_.size()) + static_cast<int>(missing) > max_patch_nodes ||
+        problem.samples + static_cast<int>(weights.size()) > max_patch_samples) {
+      problem.dropped_samples += static_cast<int>(weights.size());
+      continue;
+    }
+    std::array<std::int32_t, 3> node = {-1, -1, -1};
+    if (body.deformable)
+      for (int c = 0; c < 3; ++c) {
+        int& index = patch_index_[b][t[c]];
+        if (index < 0) {
+          index = static_cast<int>(nodes_.size());
+          nodes_.push_back({b, t[c]});
+        }
+        node[c] = index;
+      }
+    const Vec3 normal = (body.state.x[t[1]] - body.state.x[t[0]])
+                            .cross(body.state.x[t[2]] - body.state.x[t[0]])
+                            .stableNormalized();
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+      PatchSample& s = problem.sample[problem.samples++];
+      s.id = sample_id(b, face.id, static_cast<int>(k));
+      s.node = node;
+      s.weight = weights[k];
+      s.free = weighted(weights[k], body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
+      s.outward = normal;
+      s.friction = body.friction;
+    }
+  }
+  problem.nodes = static_cast<int>(nodes_.size());
+  std::sort(problem.sample.begin(), problem.sample.begin() + problem.samples,
+            [](const PatchSample& a, const PatchSample& b) { return a.id < b.id; });
+}
+
+void set_patch_positions(const Bodies& bodies, std::span<const PatchNode> nodes, CondensedProblem& problem) {
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const Body& body = bodies[nodes[i].body];
+    problem.x_now[i] = body.state.x[nodes[i].node];
+    problem.x_free[i] = problem.x_now[i] + body.dx_free.segment<3>(3 * nodes[i].node);
+  }
+  for (int k = 0; k < problem.samples; ++k) {
+    PatchSample& s = problem.sample[k];
+    if (s.node[0] < 0) continue;
+    const Vec3 &a = problem.x_now[s.node[0]], &b = problem.x_now[s.node[1]], &c = problem.x_now[s.node[2]];
+    s.outward = (b - a).cross(c - a).stableNormalized();
+  }
+}
+
+}  // namespace hapticd

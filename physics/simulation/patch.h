@@ -1,0 +1,56 @@
+// Gathers the patch: surface within the instrument's reach, its nodes and material sample points.
+//
+// A triangle is divided into k² equal parts, k = ⌈√(A/spacing²)⌉ of its *rest* area A, and each part's
+// centroid is a sample: fixed in the material, about `spacing` apart, never on an edge. A sample's id
+// is (body, face, index in the face), so that contact memory finds it again in the next patch.
+// Faces join in the order of their nearest sample until the patch's nodes are full; faces of rigid
+// bodies need no nodes. Samples beyond capacity are counted in `dropped_samples`.
+// Units: m. Allocates: for the simulation thread only.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "physics/contact/condensed_problem.h"
+#include "physics/contact/instrument.h"
+#include "physics/simulation/body.h"
+#include "physics/simulation/collision.h"
+
+namespace hapticd {
+
+struct PatchNode {
+  int body;
+  int node;
+};
+
+class PatchGatherer {
+ public:
+  explicit PatchGatherer(double sample_spacing) : spacing_(sample_spacing) {}
+
+  // Fills nodes, samples and counts of `problem` from the candidate faces; positions come later,
+  // with `set_patch_positions`. `alarm` bounds the samples' gaps at X.
+  void gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double alarm,
+              std::span<const NearFace> candidates, CondensedProblem& problem);
+
+  std::span<const PatchNode> nodes() const { return nodes_; }
+
+ private:
+  struct Candidate {
+    double gap;
+    NearFace face;
+  };
+
+  double spacing_;
+  std::vector<PatchNode> nodes_;
+  std::vector<Candidate> candidates_;
+  std::vector<std::vector<int>> patch_index_;  // per body, per node; −1 outside the patch
+};
+
+// x_now = x, x_free = x + Δx_free of the patch's nodes, and the outward normals of its samples.
+void set_patch_positions(const Bodies& bodies, std::span<const PatchNode> nodes, CondensedProblem& problem);
+
+// Barycentric weights of a triangle's samples, for k subdivisions: k² entries.
+const std::vector<std::array<double, 3>>& sample_weights(int subdivisions);
+int subdivisions(const Vec3& a, const Vec3& b, const Vec3& c, double spacing);
+
+}  // namespace hapticd

@@ -1,0 +1,43 @@
+// Which tetrahedra the tip destroys, and which fragments it sucks out.
+//
+// A tetrahedron goes when its present shape intersects the tip primitive's volume grown by the
+// ultrasonic stroke (convex against convex, GJK by libccd on exact support functions), while the
+// pedal is down, at no more than `rate` per second, nearest to the tip first. The stroke matters:
+// contact keeps tissue out of the tip at rest, and it is the vibrating tip that destroys it. A fragment that
+// holds no fixed node and has at most `aspiration_max_tets` is sucked out whole when any of its nodes is
+// within `aspiration_reach` of the tip's surface while aspiration is on. Units: m, 1/s. Source: the paper §3
+// ("consecutively removing tetrahedra intersected by the tip").
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "physics/contact/instrument.h"
+#include "physics/tissue/tissue.h"
+
+namespace hapticd {
+
+struct RemovalSettings {
+  double rate = 0;              // tetrahedra per second while the pedal is down; 0: never
+  double stroke = 0;            // reach of the vibrating tip beyond its surface at rest [m]
+  double aspiration_reach = 0;  // [m]
+  int aspiration_max_tets = 0;  // a larger fragment does not pass the lumen
+};
+
+// True if the tetrahedron with these corners and the primitive at instrument pose X, grown by
+// `stroke`, share a point.
+bool intersects(const std::array<Vec3, 4>& corners, const Primitive& primitive, const Pose& X, double stroke);
+
+// Live tetrahedra that the tip destroys, nearest (signed distance of the centroid) first.
+std::vector<int> tets_at_tip(const TissueModel& model, const TissueState& state, const Instrument& instrument,
+                             const Pose& X, double stroke);
+
+// Live tetrahedra of all fragments within the tip's suction, and how many fragments they are.
+struct Aspirated {
+  std::vector<int> tets;
+  int fragments = 0;
+};
+Aspirated fragments_at_tip(const TissueModel& model, const TissueState& state, const Instrument& instrument,
+                           const Pose& X, const RemovalSettings& settings);
+
+}  // namespace hapticd

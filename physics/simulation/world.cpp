@@ -1,0 +1,217 @@
+#include "physics/simulation/world.h"
+
+#include <algorithm>
+
+namespace hapticd {
+namespace {
+
+constexpr double sleeping_speed = 1e-5;  // [m/s]
+constexpr double zone_keep = 1.15;       // in alarm distances: every node this near must be in the zone
+constexpr double zone_reach = 1.6;       // … and a new zone reaches this far
+constexpr std::size_t max_zone_nodes = 160;
+
+bool at_rest(const Body& body) {
+  return std::all_of(body.state.v.begin(), body.state.v.end(),
+                     [](const Vec3& v) { return v.squaredNorm() < sleeping_speed * sleeping_speed; });
+}
+
+bool is_near(std::span<const NearFace> near, int body) {
+  return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
+}
+
+}  // namespace
+
+World::World(std::vector<BodySettings> bodies, Instrument instrument, const WorldSettings& settings)
+    : settings_(settings),
+      instrument_(std::make_unique<Instrument>(std::move(instrument))),
+      collision_(*instrument_, settings.alarm_distance),
+      gatherer_(settings.sample_spacing),
+      scratch_(std::make_unique<ContactScratch>()) {
+  for (BodySettings& b : bodies) bodies_.emplace_back(std::move(b), settings.h, settings.gravity);
+  for (Body& b : bodies_) collision_.add_body(b.surface.faces(), b.state.x);
+}
+
+StepReport World::step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem) {
+  StepReport report;
+  ++steps_;
+  topology_changed_ = false;
+
+  InstrumentSample sample = latest();
+  remove_at_tip(sample, report);
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (bodies_[b].deformable && !bodies_[b].asleep)
+      collision_.refit(static_cast<int>(b), bodies_[b].state.x);
+  wake(sample);
+  factor_and_free_motion(sample, report);
+
+  sample = latest();
+  gather(sample, problem);
+  compliance_of_patch(sample.pose, problem);
+  solve_and_correct(sample, problem, report);
+
+  for (Body& body : bodies_)
+    if (body.deformable && !body.asleep) {
+      update_rotations(body.model, body.state);
+      compute_free_motion(body, settings_.h);
+    }
+  set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (bodies_[b].deformable)
+      bodies_[b].asleep = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
+  removed_ += report.removed;
+  return report;
+}
+
+void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
+  const bool cutting = sample.present && sample.phaco;
+  // Unspent budget does not pile up: at most one step's worth, or one element, carries over.
+  const double per_step = settings_.removal.rate * settings_.h;
+  removal_budget_ = cutting ? std::min(removal_budget_ + per_step, std::max(1.0, per_step)) : 0;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    Body& body = bodies_[b];
+    if (!body.removable) continue;
+    int gone = 0;
+    if (removal_budget_ >= 1) {
+      std::vector<int> tets =
+          tets_at_tip(body.model, body.state, *instrument_, sample.pose, settings_.removal.stroke);
+      tets.resize(std::min(tets.size(), static_cast<std::size_t>(removal_budget_)));
+      removal_budget_ -= static_cast<double>(tets.size());
+      gone += remove_from(body, tets);
+    }
+    if (sample.present && sample.aspiration && settings_.removal.aspiration_max_tets > 0 &&
+        body.state.removed > 0) {
+      const Aspirated sucked =
+          fragments_at_tip(body.model, body.state, *instrument_, sample.pose, settings_.removal);
+      if (sucked.fragments > 0) {
+        gone += remove_from(body, sucked.tets);
+        report.fragments_aspirated += sucked.fragments;
+      }
+    }
+    if (gone > 0) {
+      report.removed += gone;
+      topology_changed_ = true;
+      collision_.set_surface(static_cast<int>(b), body.surface.faces(), body.state.x);
+    }
+  }
+}
+
+void World::wake(const InstrumentSample& sample) {
+  near_.clear();
+  if (!sample.present) return;
+  collision_.near_faces(sample.pose, near_);
+  for (const NearFace& f : near_) bodies_[f.body].asleep = false;
+}
+
+void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) {
+  Body& body = bodies_[b];
+  std::vector<int> must(patch_nodes.begin(), patch_nodes.end());
+  std::vector<std::pair<double, int>> reach;
+  for (int n = 0; n < body.model.node_count(); ++n) {
+    const double gap = gap_at(*instrument_, X, body.state.x[n]).distance;
+    if (gap < zone_reach * settings_.alarm_distance) reach.emplace_back(gap, n);
+  }
+  std::sort(reach.begin(), reach.end());
+  if (reach.size() > max_zone_nodes) reach.resize(max_zone_nodes);
+  for (const auto& [gap, n] : reach)
+    if (gap < zone_keep * settings_.alarm_distance) must.push_back(n);
+  std::sort(must.begin(), must.end());
+  must.erase(std::unique(must.begin(), must.end()), must.end());
+  if (body.compliance->zone_covers(must)) return;
+  for (const auto& [gap, n] : reach) must.push_back(n);
+  std::sort(must.begin(), must.end());
+  must.erase(std::unique(must.begin(), must.end()), must.end());
+  body.compliance->move_zone(must);
+}
+
+void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& report) {
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    Body& body = bodies_[b];
+    if (!body.deformable || body.asleep) continue;
+    if (sample.present) update_zone(static_cast<int>(b), sample.pose, {});
+    body.compliance->update(body.state);
+    compute_free_motion(body, settings_.h);
+    ++report.awake_bodies;
+  }
+}
+
+void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
+  problem.step = steps_;
+  problem.X_ref = sample.pose;
+  problem.renewal = settings_.contact;
+  problem.topology_changed = topology_changed_;
+  problem.alarm_distance = settings_.alarm_distance;
+  problem.coupling = settings_.coupling;
+  near_.clear();
+  if (sample.present) collision_.near_faces(sample.pose, near_);
+  // The instrument may have come within reach of a sleeping body since the start of the step.
+  for (const NearFace& f : near_) {
+    Body& body = bodies_[f.body];
+    if (!body.deformable || !body.asleep) continue;
+    body.asleep = false;
+    update_zone(f.body, sample.pose, {});
+    body.compliance->update(body.state);
+    compute_free_motion(body, settings_.h);
+  }
+  gatherer_.gather(bodies_, *instrument_, sample.pose, settings_.alarm_distance, near_, problem);
+  set_patch_positions(bodies_, gatherer_.nodes(), problem);
+}
+
+void World::compliance_of_patch(const Pose& X, CondensedProblem& problem) {
+  const auto nodes = gatherer_.nodes();
+  problem.C().setZero();
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    std::vector<int> of_body, index;
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      if (nodes[i].body == static_cast<int>(b)) {
+        of_body.push_back(nodes[i].node);
+        index.push_back(static_cast<int>(i));
+      }
+    if (of_body.empty()) continue;
+    Body& body = bodies_[b];
+    if (!body.compliance->zone_covers(of_body)) {
+      // The instrument outran the zone within one step: factor again with the zone where it is now.
+      update_zone(static_cast<int>(b), X, of_body);
+      body.compliance->update(body.state);
+    }
+    const int n = static_cast<int>(of_body.size());
+    block_.resize(3 * n, 3 * n);
+    body.compliance->patch(of_body, block_);
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i)
+        problem.C().block<3, 3>(3 * index[i], 3 * index[j]) = block_.block<3, 3>(3 * i, 3 * j);
+  }
+}
+
+void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
+  if (sample.present) {
+    ContactOptions options;
+    options.linearisations = 3;
+    options.margin = settings_.contact == Renewal::frozen ? 0 : 0.5 * settings_.alarm_distance;
+    report.contact =
+        solve_contact(problem, *instrument_, sample.pose, settings_.h, options, contact_state_, *scratch_);
+  } else {
+    contact_state_ = ContactState{};
+    scratch_->rows.contacts = 0;
+  }
+
+  const ContactRows& rows = scratch_->rows;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    Body& body = bodies_[b];
+    if (!body.deformable || body.asleep) continue;
+    contact_force_.setZero(3 * body.model.node_count());
+    bool touched = false;
+    for (int i = 0; i < rows.contacts; ++i) {
+      const PatchSample& s = problem.sample[rows.row[i].sample];
+      if (s.node[0] < 0 || gatherer_.nodes()[s.node[0]].body != static_cast<int>(b)) continue;
+      Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
+      for (int t = 1; t < rows.rows_per_contact; ++t)
+        force += scratch_->lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
+      for (int c = 0; c < 3; ++c)
+        contact_force_.segment<3>(3 * gatherer_.nodes()[s.node[c]].node) += s.weight[c] * force;
+      touched = touched || force.squaredNorm() > 0;
+    }
+    correct(body, touched ? &contact_force_ : nullptr, settings_.h);
+  }
+}
+
+}  // namespace hapticd

@@ -1,0 +1,93 @@
+// The simulated world and its 50 Hz step, in the order that keeps the published problem fresh.
+//
+//   1  removals at the tip, fragments sucked out
+//   2  rotations, A(u), factor, free motion                      (per awake body)
+//   3  latch the newest instrument pose, gather the patch, C_pp
+//   4  contact solve with its geometry renewed three times       δ = W λ + δ_free
+//   5  correct: Δx = Δx_free + C Hᵀλ
+//   6  fresh: f_int and free motion at the new state, same factor
+//   7  fill the condensed problem                                (the caller publishes it)
+//
+// The pose is latched after the factor, and free motion is published fresh, because a start-of-step
+// pose and a step-old free motion cost most of the accuracy there is (haptic/README.md).
+// A deformable body that is at rest and out of reach sleeps: its step costs nothing.
+// Units: SI. Shapes: see condensed_problem.h. Errors: std::runtime_error from the factor of a singular
+// body. Source: the paper §2 and Fig. 2; departures: published patch, newest pose, fresh free motion.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "physics/contact/contact_solve.h"
+#include "physics/simulation/body.h"
+#include "physics/simulation/collision.h"
+#include "physics/simulation/patch.h"
+#include "physics/simulation/removal.h"
+
+namespace hapticd {
+
+struct WorldSettings {
+  double h = 0.02;            // simulation step [s]
+  double alarm_distance = 0;  // [m]
+  double sample_spacing = 0;  // [m]
+  Renewal contact = Renewal::renewed;
+  Vec3 gravity = Vec3::Zero();  // [m/s²]
+  VirtualCoupling coupling;
+  RemovalSettings removal;
+};
+
+// What the simulation knows of the device at one instant, already in the scene.
+struct InstrumentSample {
+  Pose pose;
+  bool present = false;  // no device: no contact, no removal
+  bool phaco = false;
+  bool aspiration = false;
+};
+
+struct StepReport {
+  int removed = 0;  // tetrahedra that went in this step, aspirated ones included
+  int fragments_aspirated = 0;
+  int awake_bodies = 0;
+  ContactSolution contact;
+};
+
+class World {
+ public:
+  World(std::vector<BodySettings> bodies, Instrument instrument, const WorldSettings& settings);
+
+  // One step of h. `latest` is asked for the newest sample twice: at the start and at the latch.
+  // `problem` is written whole, but for `published_ns`.
+  StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem);
+
+  const Bodies& bodies() const { return bodies_; }
+  const Instrument& instrument() const { return *instrument_; }
+  std::uint64_t steps() const { return steps_; }
+  int removed() const { return removed_; }
+
+ private:
+  void remove_at_tip(const InstrumentSample& sample, StepReport& report);
+  void update_zone(int body, const Pose& X, std::span<const int> patch_nodes);
+  void wake(const InstrumentSample& sample);
+  void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
+  void gather(const InstrumentSample& sample, CondensedProblem& problem);
+  void compliance_of_patch(const Pose& X, CondensedProblem& problem);
+  void solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+
+  WorldSettings settings_;
+  std::unique_ptr<Instrument> instrument_;  // Collision refers to it
+  Bodies bodies_;
+  Collision collision_;
+  PatchGatherer gatherer_;
+  ContactState contact_state_;
+  std::unique_ptr<ContactScratch> scratch_;
+  std::vector<NearFace> near_;
+  MatX block_;
+  VecX contact_force_;
+  double removal_budget_ = 0;
+  int removed_ = 0;
+  bool topology_changed_ = false;
+  std::uint64_t steps_ = 0;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,56 @@
+#include "physics/tissue/fragments.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace hapticd {
+
+namespace {
+
+int root_of(std::vector<int>& parent, int node) {
+  while (parent[node] != node) {
+    parent[node] = parent[parent[node]];
+    node = parent[node];
+  }
+  return node;
+}
+
+}  // namespace
+
+std::vector<int> label_fragments(const TissueModel& model, const TissueState& state) {
+  std::vector<int> parent(model.node_count());
+  std::iota(parent.begin(), parent.end(), 0);
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    const Tet& tet = model.mesh.tets[t];
+    for (int a = 1; a < 4; ++a) parent[root_of(parent, tet[a])] = root_of(parent, tet[0]);
+  }
+
+  std::vector<int> label(model.tet_count(), -1);
+  std::vector<int> label_of_root(model.node_count(), -1);
+  int labels = 0;
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    int& of_root = label_of_root[root_of(parent, model.mesh.tets[t][0])];
+    if (of_root < 0) of_root = labels++;
+    label[t] = of_root;
+  }
+  return label;
+}
+
+std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state) {
+  const std::vector<int> label = label_fragments(model, state);
+  std::vector<Fragment> fragments;
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (label[t] < 0) continue;
+    if (label[t] == static_cast<int>(fragments.size())) fragments.emplace_back();
+    Fragment& fragment = fragments[label[t]];
+    const Tet& tet = model.mesh.tets[t];
+    fragment.tets.push_back(t);
+    fragment.volume += model.volume[t];
+    fragment.held |= std::any_of(tet.begin(), tet.end(), [&](int n) { return model.fixed[n] != 0; });
+  }
+  return fragments;
+}
+
+}  // namespace hapticd

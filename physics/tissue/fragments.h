@@ -1,0 +1,26 @@
+// The connected pieces of the live tissue: what a cut has set free.
+//
+// Two live tetrahedra belong to the same fragment when a chain of shared nodes joins them. Fragments are
+// numbered by their lowest tetrahedron, so the numbering does not depend on how they were found.
+// Units: volume at rest [m³]. Cost: one pass of union–find over the tetrahedra.
+#pragma once
+
+#include <vector>
+
+#include "physics/tissue/tissue.h"
+
+namespace hapticd {
+
+struct Fragment {
+  std::vector<int> tets;  // ascending
+  bool held = false;      // some node of it is fixed
+  double volume = 0;
+};
+
+// Per tetrahedron the number of its fragment; -1 for removed ones.
+std::vector<int> label_fragments(const TissueModel& model, const TissueState& state);
+
+// The fragments themselves, indexed by those labels.
+std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state);
+
+}  // namespace hapticd

@@ -1,0 +1,133 @@
+#include "physics/tissue/tissue.h"
+
+#include <stdexcept>
+#include <string>
+
+#include "physics/tissue/rotation.h"
+#include "physics/tissue/tetrahedron.h"
+
+namespace hapticd {
+
+namespace {
+
+void check_nodes(const TetMesh& mesh, int t) {
+  const int nodes = static_cast<int>(mesh.nodes.size());
+  for (const int n : mesh.tets[t])
+    if (n < 0 || n >= nodes)
+      throw std::invalid_argument("tetrahedron " + std::to_string(t) + " names node " + std::to_string(n) +
+                                  " of " + std::to_string(nodes));
+}
+
+// Mass and node counts from nothing, so that a removal can never leave a rest of rounding errors.
+void sum_mass(const TissueModel& model, TissueState& state) {
+  state.mass.assign(model.node_count(), 0.0);
+  state.live_tets_of_node.assign(model.node_count(), 0);
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    for (const int n : model.mesh.tets[t]) {
+      state.mass[n] += 0.25 * model.material.density * model.volume[t];
+      ++state.live_tets_of_node[n];
+    }
+  }
+}
+
+}  // namespace
+
+TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
+                              const Vec3& gravity) {
+  TissueModel model;
+  model.mesh = std::move(mesh);
+  model.material = material;
+  model.gravity = gravity;
+  model.gradients.reserve(model.tet_count());
+  model.volume.reserve(model.tet_count());
+  for (int t = 0; t < model.tet_count(); ++t) {
+    check_nodes(model.mesh, t);
+    const Tet& tet = model.mesh.tets[t];
+    const auto& x = model.mesh.nodes;
+    const RestShape shape = rest_shape(x[tet[0]], x[tet[1]], x[tet[2]], x[tet[3]]);
+    if (!(shape.volume > 0) || !shape.gradients.allFinite())
+      throw std::invalid_argument("tetrahedron " + std::to_string(t) + " has no positive volume (" +
+                                  std::to_string(shape.volume * 1e9) + " mm³)");
+    model.gradients.push_back(shape.gradients);
+    model.volume.push_back(shape.volume);
+  }
+  model.fixed.assign(model.node_count(), 0);
+  for (const int n : fixed_nodes) {
+    if (n < 0 || n >= model.node_count())
+      throw std::invalid_argument("fixed node " + std::to_string(n) + " of " + std::to_string(model.node_count()));
+    model.fixed[n] = 1;
+  }
+  return model;
+}
+
+TissueState rest_state(const TissueModel& model) {
+  TissueState state;
+  state.x = model.mesh.nodes;
+  state.v.assign(model.node_count(), Vec3::Zero());
+  state.rotation.assign(model.tet_count(), Mat3::Identity());
+  state.alive.assign(model.tet_count(), 1);
+  sum_mass(model, state);
+  return state;
+}
+
+void update_rotations(const TissueModel& model, TissueState& state) noexcept {
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    const Mat3 F = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
+    state.rotation[t] = nearest_rotation(F, state.rotation[t]);
+  }
+}
+
+void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept {
+  const double mu = model.material.mu();
+  const double lambda = model.material.lambda();
+  f.setZero();
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    const Tet& tet = model.mesh.tets[t];
+    const Mat3 F = deformation_gradient(corners_of(tet, state.x), model.gradients[t]);
+    const Corners force = element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], mu, lambda);
+    for (int a = 0; a < 4; ++a) f.segment<3>(3 * tet[a]) += force.col(a);
+  }
+  for (int n = 0; n < model.node_count(); ++n)
+    if (model.fixed[n]) f.segment<3>(3 * n).setZero();
+}
+
+void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept {
+  for (int n = 0; n < model.node_count(); ++n) {
+    if (model.fixed[n])
+      f.segment<3>(3 * n).setZero();
+    else
+      f.segment<3>(3 * n) = state.mass[n] * model.gravity;
+  }
+}
+
+double elastic_energy(const TissueModel& model, const TissueState& state) noexcept {
+  const double mu = model.material.mu();
+  const double lambda = model.material.lambda();
+  double energy = 0;
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    const Mat3 F = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
+    energy += element_energy(F, state.rotation[t], model.volume[t], mu, lambda);
+  }
+  return energy;
+}
+
+int remove_tets(const TissueModel& model, TissueState& state, std::span<const int> tets) {
+  int removed = 0;
+  for (const int t : tets) {
+    if (!state.alive[t]) continue;
+    state.alive[t] = 0;
+    ++removed;
+  }
+  if (removed == 0) return 0;
+  state.removed += removed;
+  sum_mass(model, state);
+  for (int n = 0; n < model.node_count(); ++n)
+    if (state.live_tets_of_node[n] == 0) state.v[n].setZero();
+  return removed;
+}
+
+}  // namespace hapticd

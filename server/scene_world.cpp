@@ -1,0 +1,21 @@
+#include "server/scene_world.h"
+
+namespace hapticd {
+
+std::unique_ptr<World> make_world(const Scene& scene) {
+  std::vector<BodySettings> bodies;
+  for (const SceneBody& b : scene.bodies)
+    bodies.push_back(
+        {b.name, b.kind == BodyKind::deformable, b.mesh, b.material, b.fixed_nodes, b.friction, b.removable});
+  WorldSettings settings;
+  settings.h = 1.0 / scene.rate;
+  settings.alarm_distance = scene.alarm_distance;
+  settings.sample_spacing = scene.sample_spacing;
+  settings.contact = scene.contact;
+  settings.gravity = scene.gravity;
+  settings.coupling = scene.coupling;
+  settings.removal = scene.removal;
+  return std::make_unique<World>(std::move(bodies), scene.instrument, settings);
+}
+
+}  // namespace hapticd

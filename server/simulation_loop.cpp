@@ -1,0 +1,85 @@
+#include "server/simulation_loop.h"
+
+#include <cmath>
+#include <ctime>
+
+#include "haptic/loop.h"
+
+namespace hapticd {
+namespace {
+
+void sleep_until(std::int64_t ns) {
+  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
+  }
+}
+
+}  // namespace
+
+SimulationLoop::SimulationLoop(World& world, double rate, Channel<InstrumentInput>& instrument,
+                               Channel<CondensedProblem>& problems, Channel<SceneSnapshot>& snapshots)
+    : world_(world),
+      period_ns_(std::llround(1e9 / rate)),
+      instrument_(instrument),
+      problems_(problems),
+      snapshots_(snapshots) {}
+
+SimulationLoop::~SimulationLoop() { stop(); }
+
+void SimulationLoop::start(std::function<void()> on_thread) {
+  stopping_ = false;
+  thread_ = std::thread([this, on_thread = std::move(on_thread)] {
+    if (on_thread) on_thread();
+    try {
+      run();
+    } catch (const std::exception& e) {
+      failure_ = e.what();
+      failed_.store(true, std::memory_order_release);
+    }
+  });
+}
+
+void SimulationLoop::stop() noexcept {
+  stopping_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void SimulationLoop::run() {
+  std::int64_t intended = monotonic_ns();
+  statistics_.first_ns = intended;
+  while (!stopping_) {
+    statistics_.last_ns = intended;
+    step();
+    intended += period_ns_;
+    const std::int64_t late = monotonic_ns() - intended;
+    if (late > period_ns_) {
+      const std::int64_t passed = late / period_ns_;
+      statistics_.overruns += static_cast<std::uint64_t>(passed);
+      intended += passed * period_ns_;
+    }
+    sleep_until(intended);
+  }
+}
+
+InstrumentSample SimulationLoop::latest() {
+  instrument_.acquire();
+  const InstrumentInput& i = instrument_.front();
+  return {i.X, i.present, (i.buttons & pedal_phaco) != 0, (i.buttons & pedal_aspiration) != 0};
+}
+
+void SimulationLoop::step() {
+  const std::int64_t begin = monotonic_ns();
+  CondensedProblem& problem = problems_.back();
+  const StepReport report = world_.step([this] { return latest(); }, problem);
+  problem.published_ns = monotonic_ns();
+  problems_.publish();
+  const std::int64_t spent = monotonic_ns() - begin;
+  statistics_.step.record(spent);
+  statistics_.steps.fetch_add(1, std::memory_order_relaxed);
+  statistics_.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
+  statistics_.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated),
+                                  std::memory_order_relaxed);
+  publish_snapshot(spent);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,78 @@
+// The simulation thread: a world stepped at the scene's rate, its problems published to the haptic loop.
+//
+//   every 1/rate:  world.step (latching the newest instrument) → publish problem → snapshot for display
+//
+// Time: an absolute grid on CLOCK_MONOTONIC; a step that ends late leaves the passed grid points out
+// (`overruns` counts them) and simulation time falls behind real time by as much.
+// Thread safety: start and stop belong to one thread; statistics may be read by any. The loop's thread
+// alone writes `problems` and `snapshots` and reads `instrument`.
+// Errors: an exception in a step (a singular body) ends the loop and is kept in `failure()`; the haptic
+// loop then lets the force go by the problem's age.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "haptic/channel.h"
+#include "haptic/device.h"
+#include "haptic/histogram.h"
+#include "physics/simulation/world.h"
+#include "server/diagnostics.h"
+
+namespace hapticd {
+
+struct SimulationStatistics {
+  Histogram step;  // compute time of a step
+  std::atomic<std::uint64_t> steps{0};
+  std::atomic<std::uint64_t> overruns{0};   // grid points left out
+  std::atomic<std::uint64_t> removed{0};    // tetrahedra
+  std::atomic<std::uint64_t> aspirated{0};  // fragments
+  std::atomic<std::int64_t> first_ns{0};    // intended time of the first step
+  std::atomic<std::int64_t> last_ns{0};     // intended time of the newest step
+
+  double rate_hz() const noexcept {
+    const auto n = steps.load(std::memory_order_relaxed);
+    const auto span = last_ns.load(std::memory_order_relaxed) - first_ns.load(std::memory_order_relaxed);
+    return n > 1 && span > 0 ? 1e9 * static_cast<double>(n - 1) / static_cast<double>(span) : 0;
+  }
+};
+
+class SimulationLoop {
+ public:
+  // Everything referred to must outlive the loop.
+  SimulationLoop(World& world, double rate, Channel<InstrumentInput>& instrument,
+                 Channel<CondensedProblem>& problems, Channel<SceneSnapshot>& snapshots);
+  ~SimulationLoop();
+  SimulationLoop(const SimulationLoop&) = delete;
+  SimulationLoop& operator=(const SimulationLoop&) = delete;
+
+  // on_thread runs on the new thread before its first step: the place for affinity.
+  void start(std::function<void()> on_thread = {});
+  void stop() noexcept;
+
+  bool failed() const noexcept { return failed_.load(std::memory_order_acquire); }
+  const std::string& failure() const noexcept { return failure_; }  // after failed()
+  const SimulationStatistics& statistics() const noexcept { return statistics_; }
+
+ private:
+  void run();
+  void step();
+  InstrumentSample latest();
+  void publish_snapshot(std::int64_t step_ns);
+
+  World& world_;
+  const std::int64_t period_ns_;
+  Channel<InstrumentInput>& instrument_;
+  Channel<CondensedProblem>& problems_;
+  Channel<SceneSnapshot>& snapshots_;
+  SimulationStatistics statistics_;
+  std::atomic<bool> stopping_{false};
+  std::atomic<bool> failed_{false};
+  std::string failure_;
+  std::thread thread_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,134 @@
+#include "physics/simulation/world.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/mesh_shapes.h"
+
+namespace hapticd {
+namespace {
+
+Instrument sphere_tip(double radius) {
+  Instrument i;
+  Primitive tip;
+  tip.shape = Shape::sphere;
+  tip.radius = radius;
+  i.primitives = {tip};
+  return i;
+}
+
+BodySettings soft_block(int n = 6) {
+  BodySettings b{"block", true, box_mesh(Vec3(0.02, 0.02, 0.02), n, n, n), {5000, 0.4, 1000, 5, 0.002}, {},
+                 0,       true};
+  b.fixed_nodes = b.mesh.group("bottom")->nodes;
+  return b;
+}
+
+WorldSettings settings(double h) {
+  WorldSettings s;
+  s.h = h;
+  s.alarm_distance = 3e-3;
+  s.sample_spacing = 1e-3;
+  s.coupling = {500, 0.05, 0};
+  s.removal = {50, 5e-4, 1e-3, 50};
+  return s;
+}
+
+InstrumentSample at(double x, double y, double z, bool phaco = false) {
+  return {{Vec3(x, y, z), Quat::Identity()}, true, phaco, phaco};
+}
+
+double settled_force(World& world, const InstrumentSample& sample, double seconds, double h,
+                     CondensedProblem& problem) {
+  StepReport report;
+  for (int i = 0; i < static_cast<int>(seconds / h); ++i)
+    report = world.step([&] { return sample; }, problem);
+  return report.contact.wrench.z();
+}
+
+// The theorem that the best-known framework breaks: newtons do not depend on the time step.
+TEST(World, QuasiStaticForceIsTheSameForEveryStep) {
+  auto problem = std::make_unique<CondensedProblem>();
+  double reference = 0;
+  for (const double h : {0.005, 0.010, 0.020, 0.040}) {
+    World world({soft_block()}, sphere_tip(3e-3), settings(h));
+    const double force = settled_force(world, at(0.01, 0.01, 0.0215), 2.0, h, *problem);
+    EXPECT_GT(force, 1e-3);
+    if (reference == 0) reference = force;
+    EXPECT_NEAR(force, reference, 0.005 * reference) << "h = " << h;
+  }
+}
+
+TEST(World, HapticSolveOfThePublishedProblemGivesTheSimulationsForce) {
+  auto problem = std::make_unique<CondensedProblem>();
+  World world({soft_block()}, sphere_tip(3e-3), settings(0.02));
+  const InstrumentSample sample = at(0.01, 0.01, 0.0215);
+  const double force = settled_force(world, sample, 3.0, 0.02, *problem);
+  ContactState state;
+  auto scratch = std::make_unique<ContactScratch>();
+  ContactOptions options;
+  options.linearisations = 3;
+  options.margin = 1.5e-3;
+  ContactSolution solution;
+  for (int tick = 0; tick < 50; ++tick)
+    solution = solve_contact(*problem, world.instrument(), sample.pose, 1e-3, options, state, *scratch);
+  EXPECT_NEAR(solution.wrench.z(), force, 1e-6 * force);
+}
+
+TEST(World, RigidPlateAnswersWithTheCouplingAlone) {
+  BodySettings plate{"plate", false, box_mesh(Vec3(0.02, 0.02, 0.002), 8, 8, 1), {}, {}, 0, false};
+  World world({plate}, sphere_tip(3e-3), settings(0.02));
+  auto problem = std::make_unique<CondensedProblem>();
+  // The sphere's south pole 0.2 mm below the plate's top; samples are within a spacing of the pole, so
+  // the overlap they see is short by at most spacing²/(2 r) = 0.17 mm; at a sample it is exact.
+  const WorldSettings s = settings(0.02);
+  double deepest = 0;
+  const InstrumentSample sample = at(0.01, 0.01, 0.002 + 3e-3 - 2e-4);
+  const double force = settled_force(world, sample, 0.2, 0.02, *problem);
+  for (int i = 0; i < problem->samples; ++i)
+    deepest = std::max(deepest, -gap_at(world.instrument(), sample.pose, problem->sample[i].free).distance);
+  ASSERT_GT(deepest, 0);
+  EXPECT_LE(force, s.coupling.stiffness * 2e-4 * (1 + 1e-6));
+  EXPECT_GE(force, s.coupling.stiffness * deepest * (1 - 0.05));
+}
+
+TEST(World, AnUntouchedBodySleepsAndWakes) {
+  World world({soft_block()}, sphere_tip(3e-3), settings(0.02));
+  auto problem = std::make_unique<CondensedProblem>();
+  StepReport report;
+  for (int i = 0; i < 3; ++i) report = world.step([&] { return at(0.01, 0.01, 0.05); }, *problem);
+  EXPECT_EQ(report.awake_bodies, 0);
+  EXPECT_EQ(problem->samples, 0);
+  report = world.step([&] { return at(0.01, 0.01, 0.0235); }, *problem);
+  EXPECT_GT(problem->samples, 0);
+  EXPECT_GT(problem->nodes, 0);
+}
+
+TEST(World, PedalRemovesAtTheRateOfTheScene) {
+  World world({soft_block(8)}, sphere_tip(3e-3), settings(0.02));
+  auto problem = std::make_unique<CondensedProblem>();
+  int removed = 0;
+  for (int i = 0; i < 50; ++i)
+    removed += world.step([&] { return at(0.01, 0.01, 0.021, true); }, *problem).removed;
+  EXPECT_GE(removed, 20);
+  EXPECT_LE(removed, 50);
+  const int before = world.removed();
+  for (int i = 0; i < 10; ++i) world.step([&] { return at(0.01, 0.01, 0.021, false); }, *problem);
+  EXPECT_EQ(world.removed(), before);
+}
+
+TEST(World, SurvivesRemovalDownToNothing) {
+  WorldSettings s = settings(0.02);
+  s.removal.rate = 1e5;
+  World world({soft_block(4)}, sphere_tip(5e-3), s);
+  auto problem = std::make_unique<CondensedProblem>();
+  for (int i = 0; i < 200; ++i) {
+    const double x = 0.02 * ((i * 37) % 100) / 100, y = 0.02 * ((i * 61) % 100) / 100, z = 0.024 - 1.2e-4 * i;
+    const StepReport r = world.step([&] { return at(x, y, z, true); }, *problem);
+    EXPECT_TRUE(r.contact.wrench.allFinite());
+    for (const Vec3& p : world.bodies()[0].state.x) ASSERT_TRUE(p.allFinite());
+  }
+  EXPECT_GT(world.removed(), world.bodies()[0].model.tet_count() / 2);
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,80 @@
+// The rules of the house that a program can check: who may include whom, and what stands at the top.
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+namespace hapticd {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Include {
+  fs::path file;
+  std::string target;
+};
+
+std::vector<Include> includes_of(const std::string& folder) {
+  static const std::regex line(R"re(^\s*#\s*include\s*[<"]([^>"]+)[>"])re");
+  std::vector<Include> out;
+  for (const auto& entry : fs::recursive_directory_iterator(fs::path(SOURCE_DIR) / folder)) {
+    if (entry.path().extension() != ".h" && entry.path().extension() != ".cpp") continue;
+    std::ifstream in(entry.path());
+    std::smatch match;
+    for (std::string text; std::getline(in, text);)
+      if (std::regex_search(text, match, line)) out.push_back({entry.path(), match[1]});
+  }
+  return out;
+}
+
+bool starts_with_any(const std::string& text, const std::vector<std::string>& prefixes) {
+  return std::any_of(prefixes.begin(), prefixes.end(), [&](const auto& p) { return text.starts_with(p); });
+}
+
+TEST(Layout, PhysicsSeesNoThreadClockFileLogOrDds) {
+  for (const Include& i : includes_of("physics")) {
+    EXPECT_FALSE(
+        starts_with_any(i.target, {"haptic/", "server/", "tools/", "dds/", "yaml-cpp", "thread", "chrono",
+                                   "fstream", "iostream", "filesystem", "mutex", "cstdio", "pthread"}))
+        << i.file << " includes " << i.target;
+  }
+}
+
+TEST(Layout, HapticSeesOnlyTheContactProblemOfPhysics) {
+  for (const Include& i : includes_of("haptic")) {
+    EXPECT_FALSE(
+        starts_with_any(i.target, {"server/", "tools/", "dds/", "yaml-cpp", "iostream", "fstream", "mutex"}))
+        << i.file << " includes " << i.target;
+    if (i.target.starts_with("physics/")) {
+      EXPECT_TRUE(i.target == "physics/types.h" || i.target.starts_with("physics/contact/"))
+          << i.file << " includes " << i.target;
+    }
+    if (starts_with_any(i.target, {"thread", "pthread", "time.h", "ctime", "chrono"})) {
+      EXPECT_TRUE(i.file.stem() == "loop") << i.file << ": only the loop has the thread and the clock";
+    }
+  }
+}
+
+TEST(Layout, ServerDoesNotSeeTools) {
+  for (const Include& i : includes_of("server"))
+    EXPECT_FALSE(i.target.starts_with("tools/")) << i.file << " includes " << i.target;
+}
+
+TEST(Layout, TopLevelHoldsOnlyWhatTheDesignNames) {
+  const std::set<std::string> allowed = {
+      "CMakeLists.txt", "CMakePresets.json", "LICENSE", "CHANGELOG.md", "README.md", "server",
+      "haptic",         "physics",           "idl",     "config",       "tools",     "tests",
+      "build"};
+  for (const auto& entry : fs::directory_iterator(SOURCE_DIR)) {
+    const std::string name = entry.path().filename();
+    EXPECT_TRUE(name.starts_with(".") || allowed.contains(name)) << name;
+  }
+}
+
+}  // namespace
+}  // namespace hapticd
