@@ -25,7 +25,7 @@ inline constexpr int histogram_bins = 64 * (histogram_octaves + 1);
 inline int histogram_bin(std::int64_t ns) noexcept {
   const auto v = static_cast<std::uint64_t>(std::max<std::int64_t>(ns, 0));
   if (v < 64) return static_cast<int>(v);
-  const int e = std::bit_width(v) - 1;
+  const int e = static_cast<int>(std::bit_width(v)) - 1;
   return std::min(64 * (e - 5) + static_cast<int>((v >> (e - 6)) - 64), histogram_bins - 1);
 }
 

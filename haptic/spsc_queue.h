@@ -5,21 +5,19 @@
 //  1. head − tail is the number of values inside, 0 … capacity; both only grow.
 //  2. Slot i mod capacity is the producer's while i is not in [tail, head), else the consumer's.
 //  3. push writes the slot, then releases head; pop acquires head, reads, then releases tail.
-// Guarantee: push and pop are wait-free and allocate nothing; memory is reserved by the constructor.
+// Guarantee: push and pop are wait-free and allocate nothing as long as copying a T does not; memory is
+// reserved by the constructor.
 #pragma once
 
 #include <atomic>
 #include <bit>
 #include <cstdint>
 #include <memory>
-#include <type_traits>
 
 namespace hapticd {
 
 template <typename T>
 class SpscQueue {
-  static_assert(std::is_nothrow_copy_assignable_v<T>);
-
  public:
   // The capacity is rounded up to a power of two.
   explicit SpscQueue(std::size_t capacity)

@@ -44,10 +44,9 @@ InputError mesh_error(const std::filesystem::path& file, const MeshPlace& place,
 }
 
 RawGroup& RawMesh::group(const std::string& name) {
-  for (RawGroup& g : groups)
-    if (g.name == name) return g;
-  groups.push_back({name, {}, {}});
-  return groups.back();
+  const auto [found, is_new] = group_index_.try_emplace(name, groups.size());
+  if (is_new) groups.push_back({name, {}, {}});
+  return groups[found->second];
 }
 
 TetMesh finish_mesh(const RawMesh& raw) {

@@ -89,7 +89,13 @@ T MeshCursor::raw() {
   return value;
 }
 
-std::int64_t MeshCursor::read_int() { return binary_ ? raw<std::int32_t>() : integer(); }
+std::int64_t MeshCursor::read_int() {
+  if (binary_) return raw<std::int32_t>();
+  const std::int64_t value = integer();
+  if (value != static_cast<std::int32_t>(value)) throw error(std::to_string(value) + " is out of range");
+  return value;
+}
+
 std::uint64_t MeshCursor::read_size() { return binary_ ? raw<std::uint64_t>() : count(); }
 double MeshCursor::read_double() { return binary_ ? raw<double>() : number(); }
 

@@ -15,6 +15,7 @@ struct ElementType {
 };
 
 constexpr int tetrahedron = 4;
+constexpr std::uint64_t max_groups_of_entity = 64;  // bounds memory: elements times groups
 
 // Linear types, and the second-order ones for a helpful message.
 const std::map<std::int64_t, ElementType> element_types = {
@@ -105,16 +106,18 @@ class GmshReader {
         in_.skip_values(dimension == 0 ? 3 : 6);
         std::vector<std::int64_t>& physical = physical_of_entity_[{dimension, tag}];
         physical.clear();
-        for (std::uint64_t k = 0, n = in_.read_size(); k < n; ++k) physical.push_back(std::abs(in_.read_int()));
+        const std::uint64_t groups = in_.read_size();
+        if (groups > max_groups_of_entity) throw in_.error("an entity is in too many physical groups");
+        for (std::uint64_t k = 0; k < groups; ++k) physical.push_back(std::abs(in_.read_int()));
         if (dimension > 0)
           for (std::uint64_t k = 0, n = in_.read_size(); k < n; ++k) in_.read_int();
       }
   }
 
-  void add_node(std::uint64_t number, const MeshPlace& place) {
+  void add_node(std::uint64_t number) {
     Vec3 x;
     for (double& value : x) value = in_.read_double();
-    raw_.nodes.push_back({number, x, place});
+    raw_.nodes.push_back({number, x, in_.newest()});
   }
 
   void read_nodes_2() {
@@ -123,7 +126,7 @@ class GmshReader {
     for (std::uint64_t i = 0; i < n; ++i) {
       const std::int64_t number = in_.read_int();
       if (number < 0) throw in_.error("a node's number is negative");
-      add_node(static_cast<std::uint64_t>(number), in_.newest());
+      add_node(static_cast<std::uint64_t>(number));
     }
   }
 
@@ -140,7 +143,7 @@ class GmshReader {
       numbers.clear();
       for (std::uint64_t i = 0; i < n; ++i) numbers.push_back(in_.read_size());
       for (std::uint64_t number : numbers) {
-        add_node(number, in_.place());
+        add_node(number);
         if (parametric) in_.skip_values(static_cast<std::uint64_t>(std::clamp<std::int64_t>(dimension, 0, 3)));
       }
     }

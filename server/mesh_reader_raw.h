@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "physics/tissue/mesh.h"
@@ -43,6 +44,9 @@ struct RawMesh {
   std::vector<RawGroup> groups;
 
   RawGroup& group(const std::string& name);  // made when it does not exist yet
+
+ private:
+  std::unordered_map<std::string, std::size_t> group_index_;
 };
 
 InputError mesh_error(const std::filesystem::path& file, const MeshPlace& place, const std::string& section,

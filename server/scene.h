@@ -12,6 +12,7 @@
 #include "haptic/device.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
+#include "physics/simulation/removal.h"
 #include "physics/tissue/material.h"
 #include "physics/tissue/mesh.h"
 
@@ -25,15 +26,9 @@ struct SceneBody {
   std::filesystem::path mesh_file;
   TetMesh mesh;
   Material material;               // deformable only
-  std::vector<int> fixed_nodes;    // deformable only
+  std::vector<int> fixed_nodes;    // deformable only; empty: it floats
   double friction = 0;             // μ against the instrument
   bool removable = false;          // the tip may destroy it
-};
-
-struct RemovalSettings {
-  double rate = 0;                 // tetrahedra per second while the pedal is down; 0: never
-  double aspiration_reach = 0;     // fragments nearer to the tip than this are sucked out [m]
-  int aspiration_max_tets = 0;     // a larger fragment does not pass the lumen
 };
 
 struct Scene {
@@ -48,7 +43,9 @@ struct Scene {
   Instrument instrument;
   VirtualCoupling coupling;
   RemovalSettings removal;
-  DeviceSettings device;
+  DeviceSettings device;           // its limits, and its map into the scene
+  std::string device_name;
+  double device_stiffness = 0;     // largest the device displays stably [N/m]
   std::filesystem::path device_file;
   std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
 };

@@ -82,4 +82,26 @@ void SimulationLoop::step() {
   publish_snapshot(spent);
 }
 
+void SimulationLoop::publish_snapshot(std::int64_t step_ns) {
+  SceneSnapshot& snapshot = snapshots_.back();
+  const Bodies& bodies = world_.bodies();
+  snapshot.step = world_.steps();
+  snapshot.bodies.resize(bodies.size());
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (!bodies[b].deformable) continue;
+    BodySnapshot& out = snapshot.bodies[b];
+    out.nodes.resize(3 * bodies[b].state.x.size());
+    for (std::size_t n = 0; n < bodies[b].state.x.size(); ++n)
+      Eigen::Map<Eigen::Vector3f>(&out.nodes[3 * n]) = bodies[b].state.x[n].cast<float>();
+    pack_bits(bodies[b].state.alive, out.alive);
+  }
+  snapshot.instrument = instrument_.front().X;
+  snapshot.elements_removed = static_cast<std::uint32_t>(statistics_.removed.load(std::memory_order_relaxed));
+  snapshot.fragments_aspirated =
+      static_cast<std::uint32_t>(statistics_.aspirated.load(std::memory_order_relaxed));
+  snapshot.step_ms = 1e-6 * static_cast<double>(step_ns);
+  snapshot.rate_hz = statistics_.rate_hz();
+  snapshots_.publish();
+}
+
 }  // namespace hapticd

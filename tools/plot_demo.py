@@ -21,6 +21,7 @@ ACCENT = "#c2410c"
 INK = "#33383f"
 GREY = "#9aa1aa"
 TISSUE = np.array([0.80, 0.83, 0.87])
+LABEL_BOX = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 CUT = np.array([0.83, 0.36, 0.16])
 
 
@@ -62,8 +63,8 @@ def plot_force(forces, path):
     axes.set_xlabel("time [s]")
     axes.set_ylabel("force [N]")
     axes.set_xlim(t[0], t[-1])
-    axes.set_ylim(-0.07 * size.max(), 1.25 * size.max() if size.max() > 0 else 1)
-    axes.legend(loc="upper center", ncol=3, fontsize=9)
+    axes.set_ylim(-0.07 * size.max(), 1.08 * size.max() if size.max() > 0 else 1)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncol=3, fontsize=9, borderaxespad=0.3)
     figure.savefig(path)
     plt.close(figure)
 
@@ -99,13 +100,14 @@ def plot_latency(daemon, path):
             if not value:
                 continue
             axes.axvline(value, color=ACCENT, lw=0.9, alpha=0.9)
-            axes.annotate(f"{name} {value:.0f}" if value >= 10 else f"{name} {value:.1f}", (value, top * (1.24 - 0.09 * i)),
-                          xytext=(3, 0), textcoords="offset points", color=ACCENT, fontsize=8, va="center")
+            axes.annotate(f"{name} {value:.0f}" if value >= 10 else f"{name} {value:.1f}",
+                          (value, top * (1.24 - 0.09 * i)), xytext=(3, 0), textcoords="offset points",
+                          color=ACCENT, fontsize=8, va="center", bbox=LABEL_BOX)
         axes.axvline(1000, color=INK, lw=0.9, ls=":")
         left, right = axes.get_xlim()
-        axes.set_xlim(left, max(right, 4000))
-        axes.annotate("1 ms period", (1000, 0.62 * top), xytext=(4, 0), textcoords="offset points", fontsize=8,
-                      color=INK, va="center")
+        axes.set_xlim(left, max(right, 10000))
+        axes.annotate("1 ms period", (1000, 0.62 * top), xytext=(3, 0), textcoords="offset points", fontsize=8,
+                      color=INK, va="center", bbox=LABEL_BOX)
     both[0].set_ylabel("share of ticks [%]")
     figure.savefig(path)
     plt.close(figure)
@@ -148,13 +150,13 @@ def draw_surface(axes, points, triangles, cut, centre, half):
     axes.set_xlim(centre[0] - half, centre[0] + half)
     axes.set_ylim(centre[1] - half, centre[1] + half)
     axes.set_zlim(centre[2] - 0.55 * half, centre[2] + 0.55 * half)
-    axes.set_box_aspect((1, 1, 0.55), zoom=1.12)
+    axes.set_box_aspect((1, 1, 0.55), zoom=1.0)
     for axis, name in ((axes.xaxis, "x [mm]"), (axes.yaxis, "y [mm]"), (axes.zaxis, "z [mm]")):
         axis.set_pane_color((1, 1, 1, 0))
-        axis._axinfo["grid"].update(color=(0.9, 0.91, 0.93, 1), linewidth=0.6)
-        axis.set_major_locator(plt.MaxNLocator(5))
+        axis.set_major_locator(plt.MaxNLocator(4))
         axis.label.set_size(8)
         axis.set_label_text(name)
+    axes.grid(False)
     axes.tick_params(labelsize=7, pad=-2)
 
 
@@ -166,8 +168,8 @@ def plot_lens(before, after, path):
         axes = figure.add_subplot(1, 2, i + 1, projection="3d", computed_zorder=False)
         draw_surface(axes, *surface, centre, half)
         axes.text2D(0.03, 0.95, title, transform=axes.transAxes, fontsize=11)
-    figure.text(0.985, 0.03, "orange: faces exposed by the tip", ha="right", fontsize=9, color=ACCENT)
-    figure.subplots_adjust(left=0.0, right=0.97, bottom=0.03, top=1.0, wspace=0.02)
+    figure.text(0.5, 0.03, "orange: faces exposed by the tip", ha="center", fontsize=9, color=ACCENT)
+    figure.subplots_adjust(left=0.0, right=0.96, bottom=0.06, top=1.0, wspace=0.03)
     figure.savefig(path)
     plt.close(figure)
 

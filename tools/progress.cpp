@@ -28,10 +28,10 @@ void Progress::show(double fraction, const std::string& detail) {
   if (short_run) return;
   last_ = now;
   drawn_ = true;
-  constexpr int width = 30;
-  const int filled = static_cast<int>(width * std::clamp(fraction, 0.0, 1.0));
-  std::fprintf(stderr, "\r\033[K%s [%s%s] %3.0f %%  %s", what_.c_str(), std::string(static_cast<std::size_t>(filled), '#').c_str(),
-               std::string(static_cast<std::size_t>(width - filled), '.').c_str(), 100 * fraction, detail.c_str());
+  constexpr std::size_t width = 30;
+  const auto filled = static_cast<std::size_t>(width * std::clamp(fraction, 0.0, 1.0));
+  const std::string bar = std::string(filled, '#') + std::string(width - filled, '.');
+  std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%  %s", what_.c_str(), bar.c_str(), 100 * fraction, detail.c_str());
   std::fflush(stderr);
 }
 

@@ -11,8 +11,14 @@ std::int64_t SlotPlan::slot_to_serve(std::int64_t next, std::int64_t now_ns) con
   return std::min(std::max(next, present), slots);
 }
 
-SlotBook::SlotBook(const SlotPlan& plan)
-    : plan_(plan), sent_at_(index(plan.slots), 0), answered_at_(index(plan.slots), 0) {}
+SlotBook::SlotBook(std::int64_t slots) : sent_at_(index(slots), 0), answered_at_(index(slots), 0) {
+  plan_.slots = slots;
+}
+
+void SlotBook::begin(std::int64_t t0_ns, std::uint64_t first_number) noexcept {
+  plan_.t0_ns = t0_ns;
+  plan_.first_number = first_number;
+}
 
 void SlotBook::send(std::int64_t k, std::int64_t now_ns) noexcept {
   sent_at_[index(k)] = now_ns;

@@ -1,6 +1,6 @@
 // The accounting of a 1 kHz client: which slots were scheduled, sent and answered.
 //
-//   slot k is scheduled at t0 + k·period, k = 0 … scheduled − 1, for the whole duration, whatever happens
+//   slot k is scheduled at t0 + k·period, k = 0 … scheduled − 1, the whole duration, whatever happens
 //   sent:     a state numbered first_number + k left the client
 //   answered: a force whose echo_number is first_number + k arrived
 // A client that wakes too late for a slot skips it: the slot counts as scheduled and not as sent. Times
@@ -25,7 +25,9 @@ struct SlotPlan {
   std::uint64_t first_number = 1;
 
   std::int64_t time_of(std::int64_t k) const noexcept { return t0_ns + k * period_ns; }
-  std::uint64_t number_of(std::int64_t k) const noexcept { return first_number + static_cast<std::uint64_t>(k); }
+  std::uint64_t number_of(std::int64_t k) const noexcept {
+    return first_number + static_cast<std::uint64_t>(k);
+  }
 
   // The slot to serve by a client awake at `now` that has served all before `next`: `next`, or the slot whose
   // period `now` lies in when `next` is already over; `slots` when nothing remains.
@@ -34,7 +36,9 @@ struct SlotPlan {
 
 class SlotBook {
  public:
-  explicit SlotBook(const SlotPlan& plan);
+  // With everything reserved for `slots`; `begin` sets the rest of the plan, before the first send.
+  explicit SlotBook(std::int64_t slots);
+  void begin(std::int64_t t0_ns, std::uint64_t first_number) noexcept;
 
   const SlotPlan& plan() const noexcept { return plan_; }
 

@@ -2,8 +2,8 @@
 //
 // The matrix is written into CHOLMOD's lower triangle already permuted, so a refactorisation neither permutes
 // nor sorts; CHOLMOD keeps the given order and does not postorder (that would tear the zone apart).
-// Supernodes are amalgamated with nrelax = 16/64/192, zrelax = .8/.3/.1 (measured: 20 → 14.3 ms on the paper's
-// lens against CHOLMOD's own values).
+// Supernodes are amalgamated with nrelax = 8/32/96, zrelax = .8/.2/.05, and CHOLMOD is kept from starting
+// OpenMP threads; README.md has what either is worth.
 // Shapes: vectors of 3·nodes in the order's places, `place()` of a node; units as the matrix's.
 // Errors: `set_order` throws std::runtime_error when the analysis fails, `factor` when A is not positive
 // definite (or so nearly singular, rcond < 1e-15, that nothing of a solution would be right).
@@ -35,7 +35,9 @@ class CholmodFactor {
   int place(int node) const noexcept { return place_[node]; }
 
   // The right-hand side and, after `solve`, the solution.
-  Eigen::Map<VecX> vector() noexcept { return {static_cast<double*>(x_->x), static_cast<Eigen::Index>(x_->nrow)}; }
+  Eigen::Map<VecX> vector() noexcept {
+    return {static_cast<double*>(x_->x), static_cast<Eigen::Index>(x_->nrow)};
+  }
   void solve();
 
   // The trailing corner of L: rows and columns of the last `nodes` nodes, strict upper triangle zero.

@@ -8,7 +8,7 @@
 // Units: A [N/m], C [m/N]; multipliers are newtons for every h. Shapes: vectors of 3·nodes, node-wise
 // interleaved; fixed and orphan nodes are identity rows: their entries of every result are zero.
 // Errors: `update` throws std::runtime_error when A is not positive definite (a singular model: no
-// mass and no support).
+// mass and no support); `apply`, `patch` and `error_estimate` throw it before a successful update.
 // Source: the paper, eqs. (2) and (3). Departure: a removal is not a low-rank update here but a
 // refactorisation without the element (`exact`).
 #pragma once
@@ -24,7 +24,8 @@ class Compliance {
  public:
   virtual ~Compliance() = default;
 
-  // Orders these nodes last from the next `update` on. Fixed nodes are allowed and ignored.
+  // Orders these nodes last from the next `update` on. Fixed nodes are allowed and ignored. Patches of the
+  // nodes named first are the cheapest: name the nearest first.
   virtual void move_zone(std::span<const int> nodes) = 0;
 
   // True if every free node of `nodes` lies in the present zone.
@@ -37,7 +38,7 @@ class Compliance {
   virtual void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) = 0;
 
   // C_pp of the given zone nodes, 3·|nodes| square, into `block` (rows of fixed or orphan nodes are zero).
-  // Contract: zone_covers(nodes).
+  // Contract: zone_covers(nodes) at the last update; std::invalid_argument otherwise.
   virtual void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) = 0;
 
   // Relative residual ‖A y − b‖/‖b‖ of one sampled solve against the true A(u) of the last update.

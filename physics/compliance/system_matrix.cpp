@@ -94,7 +94,8 @@ VecX SystemMatrix::multiply(const VecX& x) const {
   return y;
 }
 
-Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state, double h) {
+Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state,
+                                                   double h) {
   const int dofs = 3 * model.node_count();
   const auto in_system = [&](int n) { return !model.fixed[n] && state.live_tets_of_node[n] > 0; };
   std::vector<Eigen::Triplet<double>> entries;

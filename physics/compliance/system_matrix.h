@@ -57,6 +57,7 @@ class SystemMatrix {
 };
 
 // The same matrix, both triangles, summed element by element without any of the above: for oracles.
-Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state, double h);
+Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state,
+                                                   double h);
 
 }  // namespace hapticd

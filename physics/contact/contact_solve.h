@@ -1,15 +1,24 @@
 // One contact solve at a device pose: linearise, solve, renew, solve again. Both loops call it.
 //
-//   repeat `linearisations` times: rows at (X, x) → λ → x = x_free + C_pp Hᵀ λ, X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ
+//   repeat `linearisations` times:
+//     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ,  X_lin = X_instrument
 //
+// The first linearisation is at the last solve's forces and coupling offset, found again by sample id.
 // Virtual coupling with a massless proxy: e = X_device ⊖ X_instrument,
 //   K e + B (e − e_prev)/T + Jᵀλ = 0  ⇒  e = K_eff⁻¹ (B/T e_prev − Jᵀ λ),  K_eff = K + B/T,
 // so the coupling enters W as J K_eff⁻¹ Jᵀ and the free instrument pose is X_device ⊖ K_eff⁻¹ (B/T) e_prev.
 // Wrench on the device = Jᵀ λ (N, N·m; J = ∂δ/∂twist of the instrument, so virtual work fixes the
 // sign; DESIGN writes −Jᵀλ for the opposite J).
-// Renewal::frozen: rows are built once at problem.X_ref (when the step changes) and only δ_free moves
-// with the pose, as in the paper. Renewal::renewed: geometry is renewed in each linearisation.
-// Guarantee: no allocation, wait-free, bounded by linearisations × (rows + solver's bound).
+// A stiffness of zero means held rigidly (K⁻¹ = 0, no lag), in translation or rotation.
+// Renewal::frozen: rows are built once at problem.X_ref and x_now (when the step changes) and only δ_free
+// moves with the pose, as in the paper; one solve. Renewal::renewed: geometry is renewed in each
+// linearisation.
+// Friction memory: a contact that sticks keeps its anchor, so that holding still cannot creep; one that
+// slides or is open takes the place where the solve left it. Sticking is judged by slip, ‖δ_t‖ ≤
+// 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that adds up until it shows.
+// Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free pose.
+// Guarantee: no allocation, wait-free, bounded by linearisations × (rows + solver's bound); 128 kB of stack.
+// Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 
 #include "physics/contact/coulomb.h"
@@ -24,7 +33,8 @@ struct ContactOptions {
   CoulombOptions coulomb;
 };
 
-// Carried from one solve to the next by its owner; each loop has its own.
+// Carried from one solve to the next by its owner; each loop has its own, with its own scratch: a frozen
+// state's rows live in that scratch.
 struct ContactState {
   ContactMemory memory;
   Vec6 coupling_offset = Vec6::Zero();  // e_prev: X_device ⊖ X_instrument
@@ -33,12 +43,14 @@ struct ContactState {
 
 struct ContactScratch {
   ContactRows rows;
+  std::uint64_t matrix_version = 0;  // counts W's; 0: rows hold none yet
+  ContactMemory working;             // λ and anchors between the linearisations of one solve
   LcpWorkspace lcp;
+  CoulombWorkspace coulomb;
   PatchPositions x;
   std::array<double, max_rows> lambda{};
   std::array<std::uint8_t, max_rows> active{};
   std::array<double, max_contacts> mu{};
-  std::array<Mat3, max_contacts> frozen_frame;
 };
 
 struct ContactSolution {
@@ -51,6 +63,9 @@ struct ContactSolution {
   double residual = 0;          // of the last solve, natural map
   double penetration = 0;       // deepest true overlap left after the solve [m], ≥ 0
 };
+
+// K_eff⁻¹ = (K (1 + damping_time/T))⁻¹, diagonal in world axes; zero where K is zero.
+Vec6 inverse_stiffness(const VirtualCoupling& coupling, double period) noexcept;
 
 // period: T of the caller [s]. λ per contact of the solution is in scratch.lambda, rows in scratch.rows,
 // patch positions under contact in scratch.x.

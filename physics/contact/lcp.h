@@ -4,10 +4,15 @@
 //
 // Block pivoting (Júdice and Pires 1994: exchange all infeasible indices while their number falls,
 // at most `patience` times without a fall) and then Murty's single-pivot least-index rule, which is
-// finite on every P-matrix; W + εD is one, also where W is rank-deficient (duplicated contacts).
+// finite on every P-matrix; W + εD is one, also where W is rank-deficient (duplicated contacts). Back
+// to blocks when the infeasible indices have become fewer than ever before.
+// What counts as infeasible is measured, not chosen: each solve of the active block takes one step of
+// iterative refinement, whose size is the noise of z; the noise of w is that of its sums.
 // Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
-// Units: W [m/N], q [m], z [N]. Errors: a status, never an exception.
+// Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the best
+// iterate by residual, with `not_finite` (NaN or infinity in W or q) it is zero. z is never negative.
+// Entries with W_ii = 0 that W couples to nothing stay at zero.
 // Guarantee: no allocation, wait-free, bounded by max_pivots factorisations of rows³/3 flops.
 #pragma once
 
@@ -32,12 +37,14 @@ struct LcpResult {
   int pivots = 0;        // changes of the active set
   bool fell_back = false;  // the single-pivot rule was needed
   int active = 0;
-  double residual = 0;   // max_i |min(z_i, w_i / W_ii)| / max(max_i |z_i|, max_i |q_i| / W_ii): natural map
+  double residual = 0;   // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
 };
 
 struct LcpWorkspace {
   std::array<double, std::size_t(max_rows) * max_rows> factor;
-  std::array<int, max_rows> index;
+  std::array<int, max_rows> index;      // active rows, ascending: the factor's order
+  std::array<double, max_rows> diagonal;  // D, floored
+  std::array<double, max_rows> packed;  // a right-hand side in the factor's order
   std::array<double, max_rows> w;
   std::array<double, max_rows> best;
   std::array<std::uint8_t, max_rows> cached_set{};

@@ -1,16 +1,25 @@
 // Contact rows from a patch and an instrument pose: the pure function both loops share.
 //
 //   H_i = Fᵢᵀ Σ_a w_a E_a,   J_i = −Fᵢᵀ [I, −(s − p)×],   F = [n t₁ t₂]
-//   δ_n,free = gap(s) − n·(s − s_free) (+ the coupling's shift),   δ_t,free = Tᵀ(s_free − anchor)
+//   δ_n,free = gap(s; X_lin) + n·(s_free − s) + J_n (X_free ⊖ X_lin)
+//   δ_t,free = Tᵀ(s_free − X_lin·anchor)      + J_t (X_free ⊖ X_lin)
+//   W_ij = F_iᵀ (Σ_ab w_a w_b C_ab + B_ij) F_j,   B_ij = K_t⁻¹ − [r_i]× K_r⁻¹ [r_j]×,   r = s − p_lin
 //
-// s is the sample's position at the linearisation, s_free its position without contact. A row exists
-// where gap(s) < margin and the instrument is on the outer side of the tissue
-// (n · outward < 0): no ghost contacts from inside. More candidates than capacity: the smallest gaps
-// are kept and the rest counted in `dropped`.
+// s is the sample's position at the linearisation, s_free its position without contact. At a fixed
+// point of the linearisation (s, X_lin the solution) δ_n is the true gap and δ_t the true slip. A row
+// exists where gap(s) < margin and the instrument is on the outer side of the tissue
+// (n · outward < 0.2): no ghost contacts from inside; the tolerance of 11° past tangent keeps the
+// samples around a sharp edge, whose face is turned away although the instrument is on it. More
+// candidates than capacity: the smallest gaps are kept and the rest counted in `dropped`.
+// A contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue next to
+// fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 tr B_ii − tr G_ii)/3 · I,
+// G_ii the tissue's part. The coupling's part has rank ≤ 6, rigid friction is hyperstatic without it.
 // Units: δ in m, λ in N, J·twist in m. Friction rows exist only where some μ > 0.
 // Anchors: a sample that sticks keeps the place in the instrument's frame where it began to stick;
 // a sliding or new one takes its place of the previous solve (slip is per solve, not per step).
-// Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
+// Guarantee: wait-free, no allocation, under 64 kB of stack; bounded by max_patch_samples × primitives
+// and max_contacts × (patch nodes + max_contacts) 3×3 products.
+// The linearisation's own place serves a sample that no solve has seen.
 // Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
 // contact_solve.h.
 #pragma once
@@ -29,6 +38,7 @@ struct ContactRow {
   std::uint64_t id;    // the sample's id
   Mat3 frame;          // columns n, t1, t2 (world)
   Vec3 arm;            // s − p_instrument [m]
+  Vec3 anchor;         // instrument's frame: slip is measured from here [m]
   Vec3 delta_free;     // [m]: normal, then two tangential (0 where frictionless)
   double gap;          // true signed distance at the linearisation [m]
   double friction;     // μ
@@ -67,6 +77,13 @@ struct ContactMemory {
 // Positions of the patch's nodes that rows are linearised at (x_free to begin with).
 using PatchPositions = std::array<Vec3, max_patch_nodes>;
 
+// Place of a sample when the patch's nodes are at x.
+Vec3 sample_position(const CondensedProblem& problem, const PatchPositions& x, int sample) noexcept;
+
+// Columns n, t1, t2, right-handed; a function of n alone, smooth but across n_z = 0 (Duff et al. 2017).
+// Friction is isotropic: no result depends on the choice.
+Mat3 contact_frame(const Vec3& n) noexcept;
+
 // Selects contacts and fills `rows` with frames, δ_free and W for the instrument's free pose X
 // (device pose, plus the coupling's memory) and for the linearisation pose X_lin of the instrument;
 // K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap at the
@@ -75,16 +92,19 @@ void build_rows(const CondensedProblem& problem, const Instrument& instrument, c
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
                 const ContactMemory& memory, double margin, ContactRows& rows) noexcept;
 
-// δ_free of rows frozen at X_ref, for another device pose: δ_free(X) = δ_free + J (X ⊖ X_ref).
-// (Normal rows; tangential rows take their slip since the anchors.)
+// q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for another free pose:
+// δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.
 void shift_rows(const CondensedProblem& problem, const Pose& X_frozen, const Pose& X_free,
                 const ContactMemory& memory, ContactRows& rows) noexcept;
 
 // The 6-row transpose product: wrench on the instrument = Jᵀ λ (force, torque about its origin).
 Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambda) noexcept;
 
-// Patch displacement u = C_pp Hᵀ λ, added to x_free: positions under contact.
+// Positions under contact: x = x_free + C_pp Hᵀ λ.
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows,
                      std::span<const double> lambda, PatchPositions& x) noexcept;
+
+// The same for the forces of a previous solve, found by sample id; forgotten samples carry none.
+void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory, PatchPositions& x) noexcept;
 
 }  // namespace hapticd

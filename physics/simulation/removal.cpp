@@ -124,8 +124,8 @@ Aspirated fragments_at_tip(const TissueModel& model, const TissueState& state, c
     return gap_at(tip, local).distance < settings.aspiration_reach;
   };
   Aspirated out;
-  for (const Fragment& fragment : find_fragments(model, state).fragment) {
-    if (fragment.holds_fixed || static_cast<int>(fragment.tets.size()) > settings.aspiration_max_tets)
+  for (const Fragment& fragment : find_fragments(model, state)) {
+    if (fragment.held || static_cast<int>(fragment.tets.size()) > settings.aspiration_max_tets)
       continue;
     const bool near = std::any_of(fragment.tets.begin(), fragment.tets.end(), [&](int e) {
       const Tet& t = model.mesh.tets[e];

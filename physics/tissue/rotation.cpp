@@ -13,7 +13,9 @@ constexpr double definite = 1e-9;  // smallest pivot of tr(A) I − sym A relati
 constexpr double tie = 1e-9;       // σ₂ + σ₃ relative to σ₁ below which nearest rotations count as equal
 
 // One step of Newton–Schulz: squares the distance of R from orthogonality.
-Mat3 orthonormalised(const Mat3& R) noexcept { return R * (1.5 * Mat3::Identity() - 0.5 * (R.transpose() * R)); }
+Mat3 orthonormalised(const Mat3& R) noexcept {
+  return R * (1.5 * Mat3::Identity() - 0.5 * (R.transpose() * R));
+}
 
 // The rotation of the quaternion (1, δ/2), normalised: equals exp(δ×) up to third order, exactly orthogonal.
 Mat3 small_rotation(const Vec3& delta) noexcept {

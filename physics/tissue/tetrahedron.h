@@ -46,7 +46,8 @@ inline Corners element_forces(const Mat3& F, const Mat3& R, const Gradients& g, 
 }
 
 // K_ab from the rotated gradients of its two corners.
-inline Mat3 stiffness_block(const Vec3& b_a, const Vec3& b_b, double volume, double mu, double lambda) noexcept {
+inline Mat3 stiffness_block(const Vec3& b_a, const Vec3& b_b, double volume, double mu,
+                            double lambda) noexcept {
   Mat3 K = (volume * lambda * b_a) * b_b.transpose() + (volume * mu * b_b) * b_a.transpose();
   K.diagonal().array() += volume * mu * b_a.dot(b_b);
   return K;

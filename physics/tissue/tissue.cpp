@@ -55,7 +55,8 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
   model.fixed.assign(model.node_count(), 0);
   for (const int n : fixed_nodes) {
     if (n < 0 || n >= model.node_count())
-      throw std::invalid_argument("fixed node " + std::to_string(n) + " of " + std::to_string(model.node_count()));
+      throw std::invalid_argument("fixed node " + std::to_string(n) + " of " +
+                                  std::to_string(model.node_count()));
     model.fixed[n] = 1;
   }
   return model;
@@ -87,7 +88,8 @@ void internal_forces(const TissueModel& model, const TissueState& state, Eigen::
     if (!state.alive[t]) continue;
     const Tet& tet = model.mesh.tets[t];
     const Mat3 F = deformation_gradient(corners_of(tet, state.x), model.gradients[t]);
-    const Corners force = element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], mu, lambda);
+    const Corners force =
+        element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], mu, lambda);
     for (int a = 0; a < 4; ++a) f.segment<3>(3 * tet[a]) += force.col(a);
   }
   for (int n = 0; n < model.node_count(); ++n)

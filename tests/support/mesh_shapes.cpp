@@ -8,7 +8,8 @@ namespace hapticd {
 namespace {
 
 // Cell corners are numbered by bits: x = 1, y = 2, z = 4.
-constexpr int six[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
+constexpr int six[6][4] = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7},
+                           {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
 constexpr int five[5][4] = {{1, 2, 4, 7}, {0, 1, 2, 4}, {3, 2, 1, 7}, {5, 1, 4, 7}, {6, 4, 2, 7}};
 
 void add_positive(TetMesh& mesh, Tet t) {
@@ -20,7 +21,8 @@ void add_positive(TetMesh& mesh, Tet t) {
 }  // namespace
 
 TetMesh box_mesh(const Vec3& size, int nx, int ny, int nz, int tets_per_cell) {
-  if (tets_per_cell != 5 && tets_per_cell != 6) throw std::invalid_argument("box_mesh: 5 or 6 tetrahedra a cell");
+  if (tets_per_cell != 5 && tets_per_cell != 6)
+    throw std::invalid_argument("box_mesh: 5 or 6 tetrahedra a cell");
   if (nx < 1 || ny < 1 || nz < 1) throw std::invalid_argument("box_mesh: needs at least one cell each way");
   TetMesh mesh;
   for (int k = 0; k <= nz; ++k)
@@ -33,10 +35,14 @@ TetMesh box_mesh(const Vec3& size, int nx, int ny, int nz, int tets_per_cell) {
       for (int i = 0; i < nx; ++i) {
         // The five-way split's diagonals only meet across faces when every other cell is mirrored in x.
         const int mirror = tets_per_cell == 5 ? (i + j + k) & 1 : 0;
-        const auto corner = [&](int c) { return node(i + ((c & 1) ^ mirror), j + ((c >> 1) & 1), k + (c >> 2)); };
+        const auto corner = [&](int c) {
+          return node(i + ((c & 1) ^ mirror), j + ((c >> 1) & 1), k + (c >> 2));
+        };
         const auto split = tets_per_cell == 6 ? &six[0] : &five[0];
-        for (int t = 0; t < tets_per_cell; ++t)
-          add_positive(mesh, {corner(split[t][0]), corner(split[t][1]), corner(split[t][2]), corner(split[t][3])});
+        for (int t = 0; t < tets_per_cell; ++t) {
+          const int* c = split[t];
+          add_positive(mesh, {corner(c[0]), corner(c[1]), corner(c[2]), corner(c[3])});
+        }
       }
   MeshGroup bottom;
   bottom.name = "bottom";

@@ -1,0 +1,192 @@
+#include "physics/contact/contact_solve.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace hapticd {
+namespace {
+
+constexpr double sticking_slip = 1e-6;      // of tr W_ii/3 · ‖λ_i‖
+constexpr double inside_the_cone = 1 - 1e-6;  // ‖λ_t‖ / (μ λ_n) below which a contact sticks
+
+std::span<const double> solved(const ContactScratch& scratch) noexcept {
+  return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
+}
+
+Vec3 local_lambda(const ContactScratch& scratch, int i) noexcept {
+  Vec3 l = Vec3::Zero();
+  const int m = scratch.rows.rows_per_contact;
+  for (int c = 0; c < m; ++c) l[c] = scratch.lambda[m * i + c];
+  return l;
+}
+
+void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
+  const int m = scratch.rows.rows_per_contact;
+  for (int i = 0; i < scratch.rows.contacts; ++i) {
+    const ContactRow& row = scratch.rows.row[i];
+    const ContactMemory::Entry* known = memory.find(row.id);
+    const Vec3 l = known ? Vec3(row.frame.transpose() * known->lambda) : Vec3::Zero();
+    for (int c = 0; c < m; ++c) scratch.lambda[m * i + c] = l[c];
+    scratch.active[i] = l[0] > 0;
+    scratch.mu[i] = row.friction;
+  }
+}
+
+void solve_rows(const ContactOptions& options, ContactScratch& scratch, ContactSolution& out) noexcept {
+  const ContactRows& rows = scratch.rows;
+  const auto contacts = static_cast<std::size_t>(rows.contacts);
+  Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
+  if (rows.rows_per_contact == 1) {
+    const LcpResult r = solve_lcp(rows.W(), rows.q(), lambda, {scratch.active.data(), contacts}, scratch.lcp,
+                                  scratch.matrix_version, options.lcp);
+    out.status = r.status;
+    out.residual = r.residual;
+  } else {
+    const CoulombResult r = solve_coulomb(rows.W(), rows.q(), {scratch.mu.data(), contacts}, lambda,
+                                          scratch.coulomb, options.coulomb);
+    out.status = r.status;
+    out.residual = r.residual;
+  }
+}
+
+// λ in world axes, and the anchors that the rows were built with.
+void remember_linearisation(ContactScratch& scratch) noexcept {
+  scratch.working.count = scratch.rows.contacts;
+  for (int i = 0; i < scratch.rows.contacts; ++i) {
+    const ContactRow& row = scratch.rows.row[i];
+    scratch.working.entry[i] = {row.id, row.frame * local_lambda(scratch, i), row.anchor, false};
+  }
+}
+
+bool sticks(const ContactScratch& scratch, int i) noexcept {
+  const ContactRows& rows = scratch.rows;
+  const Vec3 l = local_lambda(scratch, i);
+  const double mu = rows.row[i].friction;
+  if (rows.rows_per_contact == 1 || mu <= 0 || l[0] <= 0) return false;
+  if (l.tail<2>().norm() <= inside_the_cone * mu * l[0]) return true;
+  const auto W = rows.W();
+  const Eigen::Map<const VecX> lambda(scratch.lambda.data(), rows.rows());
+  // W is symmetric: its columns are its rows, and contiguous.
+  const Eigen::Vector2d slip = W.middleCols<2>(3 * i + 1).transpose() * lambda + rows.q().segment<2>(3 * i + 1);
+  return slip.norm() <= sticking_slip * W.block<3, 3>(3 * i, 3 * i).trace() / 3 * l.norm();
+}
+
+// Memory of the solve for the next one. `place` gives a sample's place in the instrument's frame.
+template <typename Place>
+void remember_solve(const CondensedProblem& problem, ContactScratch& scratch, ContactMemory& memory,
+                    const Place& place) noexcept {
+  remember_linearisation(scratch);
+  for (int i = 0; i < scratch.rows.contacts; ++i) {
+    ContactMemory::Entry& e = scratch.working.entry[i];
+    e.sticking = sticks(scratch, i);
+    const ContactRow& row = scratch.rows.row[i];
+    if (!e.sticking) e.anchor = place(row, sample_position(problem, scratch.x, row.sample));
+  }
+  memory = scratch.working;
+}
+
+void solve_frozen(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
+                  const Vec6& K_inv, double margin, const ContactOptions& options, ContactState& state,
+                  ContactScratch& scratch, ContactSolution& out) noexcept {
+  if (problem.step == 0 || state.frozen_step != problem.step || scratch.matrix_version == 0) {
+    build_rows(problem, instrument, problem.X_ref, problem.X_ref, problem.x_now, K_inv, state.memory, margin,
+               scratch.rows);
+    ++scratch.matrix_version;
+    state.frozen_step = problem.step;
+  }
+  shift_rows(problem, problem.X_ref, X_free, state.memory, scratch.rows);
+  warm_start(state.memory, scratch);
+  solve_rows(options, scratch, out);
+  displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
+  out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
+  out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
+  // Anchors in the frozen rows' own linear kinematics, or a pose held still would seem to slip.
+  const Vec6 moved = difference(out.instrument, problem.X_ref);
+  remember_solve(problem, scratch, state.memory, [&](const ContactRow& row, const Vec3& s) {
+    return problem.X_ref.to_local(s - moved.head<3>() - moved.tail<3>().cross(row.arm));
+  });
+}
+
+void solve_renewed(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
+                   const Pose& X_start, const Vec6& K_inv, double margin, const ContactOptions& options,
+                   ContactState& state, ContactScratch& scratch, ContactSolution& out) noexcept {
+  scratch.working = state.memory;
+  displaced_patch(problem, state.memory, scratch.x);
+  out.instrument = X_start;
+  for (int k = 0; k < std::max(1, options.linearisations); ++k) {
+    build_rows(problem, instrument, X_free, out.instrument, scratch.x, K_inv, scratch.working, margin,
+               scratch.rows);
+    ++scratch.matrix_version;
+    warm_start(scratch.working, scratch);
+    solve_rows(options, scratch, out);
+    if (out.status == SolveStatus::not_finite) return;
+    displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
+    out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
+    out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
+    remember_linearisation(scratch);
+  }
+  remember_solve(problem, scratch, state.memory,
+                 [&](const ContactRow&, const Vec3& s) { return out.instrument.to_local(s); });
+}
+
+double deepest_overlap(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
+                       const ContactScratch& scratch) noexcept {
+  double deepest = 0;
+  for (int i = 0; i < scratch.rows.contacts; ++i) {
+    const Vec3 s = sample_position(problem, scratch.x, scratch.rows.row[i].sample);
+    deepest = std::max(deepest, -gap_at(instrument, X, s).distance);
+  }
+  return deepest;
+}
+
+}  // namespace
+
+Vec6 inverse_stiffness(const VirtualCoupling& coupling, double period) noexcept {
+  const double damped = 1 + coupling.damping_time / period;
+  Vec6 K_inv;
+  K_inv.head<3>().setConstant(coupling.stiffness > 0 ? 1 / (coupling.stiffness * damped) : 0);
+  K_inv.tail<3>().setConstant(coupling.rotational_stiffness > 0 ? 1 / (coupling.rotational_stiffness * damped)
+                                                                : 0);
+  return K_inv;
+}
+
+ContactSolution solve_contact(const CondensedProblem& problem, const Instrument& instrument,
+                              const Pose& X_device, double period, const ContactOptions& options,
+                              ContactState& state, ContactScratch& scratch) noexcept {
+  const Vec6 K_inv = inverse_stiffness(problem.coupling, period);
+  // K_eff⁻¹ (B/T) e_prev: the part of the last offset that the coupling's damper still holds.
+  const double lag = problem.coupling.damping_time / (period + problem.coupling.damping_time);
+  Vec6 held = lag * state.coupling_offset;
+  Vec6 offset = state.coupling_offset;
+  for (int c = 0; c < 6; ++c)
+    if (K_inv[c] == 0) held[c] = offset[c] = 0;
+  const Pose X_free = displaced(X_device, -held);
+  const double margin = options.margin > 0 ? options.margin : problem.alarm_distance;
+
+  ContactSolution out;
+  if (problem.renewal == Renewal::frozen) {
+    solve_frozen(problem, instrument, X_free, K_inv, margin, options, state, scratch, out);
+  } else {
+    solve_renewed(problem, instrument, X_free, displaced(X_device, -offset), K_inv, margin, options, state,
+                  scratch, out);
+  }
+  out.contacts = scratch.rows.contacts;
+  out.dropped = scratch.rows.dropped;
+  if (out.status == SolveStatus::not_finite || !out.wrench.allFinite()) {
+    state = ContactState{};
+    std::fill(scratch.lambda.begin(), scratch.lambda.end(), 0.0);
+    out.status = SolveStatus::not_finite;
+    out.wrench.setZero();
+    out.instrument = X_free;
+    return out;
+  }
+  for (int i = 0; i < out.contacts; ++i)
+    out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
+  out.penetration = deepest_overlap(problem, instrument, out.instrument, scratch);
+  state.coupling_offset = difference(X_device, out.instrument);
+  for (int c = 0; c < 6; ++c)
+    if (K_inv[c] == 0) state.coupling_offset[c] = 0;
+  return out;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,208 @@
+#include "physics/contact/lcp.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "physics/contact/small_factors.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double unit_roundoff = std::numeric_limits<double>::epsilon();
+constexpr double least_diagonal = 1e-12;  // of the largest: keeps 1/D finite where W_ii = 0
+
+class Pivoting {
+ public:
+  Pivoting(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q, Eigen::Ref<VecX> z,
+           std::span<std::uint8_t> active, LcpWorkspace& ws, double epsilon) noexcept
+      : W_(W), q_(q), z_(z), active_(active), ws_(ws), n_(static_cast<int>(q.size())), epsilon_(epsilon) {
+    double largest = 0;
+    for (int i = 0; i < n_; ++i) largest = std::max(largest, W_(i, i));
+    for (int i = 0; i < n_; ++i) {
+      ws_.diagonal[i] = std::max(W_(i, i), least_diagonal * largest);
+      q_scale_ = std::max(q_scale_, std::abs(q_[i]) / ws_.diagonal[i]);
+    }
+    rigid_ = largest <= 0;
+  }
+
+  bool rigid() const noexcept { return rigid_; }
+
+  // z for the present active set, one refinement, w of all rows.
+  void solve_active_block(std::uint64_t version) noexcept {
+    factor(version);
+    z_.setZero();
+    for (int i = 0; i < n_; ++i) ws_.w[i] = q_[i];
+    add_correction();
+    noise_z_ = add_correction();
+  }
+
+  // w = (W + εD) z + q.
+  void compute_w() noexcept {
+    for (int i = 0; i < n_; ++i) ws_.w[i] = q_[i];
+    for (int j = 0; j < n_; ++j) add_column(j, z_[j]);
+  }
+
+  double natural_map() const noexcept {
+    double scale = q_scale_, worst = 0;
+    for (int i = 0; i < n_; ++i) {
+      scale = std::max(scale, z_[i]);
+      worst = std::max(worst, std::abs(std::min(z_[i], ws_.w[i] / ws_.diagonal[i])));
+    }
+    return worst > 0 ? worst / scale : 0;
+  }
+
+  // Marks the infeasible indices in ws.packed (1 or 0); returns how many and the least.
+  int find_infeasible(int& least) noexcept {
+    double z_scale = 0, weighted = 0;
+    for (int i = 0; i < n_; ++i) {
+      z_scale = std::max(z_scale, std::abs(z_[i]));
+      weighted += std::sqrt(ws_.diagonal[i]) * std::abs(z_[i]);
+    }
+    const double z_noise = 4 * noise_z_ + 4 * unit_roundoff * z_scale;
+    int count = 0;
+    least = n_;
+    for (int i = 0; i < n_; ++i) {
+      // |Σ_j W_ij z_j| ≤ √W_ii Σ_j √W_jj |z_j| for a positive semidefinite W.
+      const double w_noise =
+          8 * unit_roundoff * (std::sqrt(ws_.diagonal[i]) * weighted + std::abs(q_[i]));
+      const bool bad = active_[i] ? z_[i] < -z_noise : ws_.w[i] < -w_noise;
+      ws_.packed[i] = bad;
+      if (bad && count++ == 0) least = i;
+    }
+    return count;
+  }
+
+  void exchange_infeasible() noexcept {
+    for (int i = 0; i < n_; ++i)
+      if (ws_.packed[i] != 0) active_[i] = !active_[i];
+  }
+
+  void keep_best() noexcept { std::copy_n(z_.data(), n_, ws_.best.data()); }
+  void restore_best() noexcept { std::copy_n(ws_.best.data(), n_, z_.data()); }
+
+ private:
+  void add_column(int j, double zj) noexcept {
+    if (zj == 0) return;
+    const double* column = W_.data() + static_cast<std::ptrdiff_t>(j) * W_.outerStride();
+    for (int i = 0; i < n_; ++i) ws_.w[i] += zj * column[i];
+    ws_.w[j] += epsilon_ * ws_.diagonal[j] * zj;
+  }
+
+  void factor(std::uint64_t version) noexcept {
+    const bool same = version != 0 && version == ws_.cached_version && n_ == ws_.cached_rows &&
+                      std::equal(active_.begin(), active_.end(), ws_.cached_set.begin());
+    if (same) return;
+    size_ = 0;
+    for (int i = 0; i < n_; ++i)
+      if (active_[i]) ws_.index[size_++] = i;
+    for (int j = 0; j < size_; ++j) {
+      double* out = ws_.factor.data() + static_cast<std::ptrdiff_t>(j) * size_;
+      for (int i = j; i < size_; ++i) out[i] = W_(ws_.index[i], ws_.index[j]);
+      out[j] = W_(ws_.index[j], ws_.index[j]) + epsilon_ * ws_.diagonal[ws_.index[j]];
+    }
+    cholesky(ws_.factor.data(), size_, std::max(0.25 * epsilon_, unit_roundoff));
+    std::copy(active_.begin(), active_.end(), ws_.cached_set.begin());
+    ws_.cached_version = version;
+    ws_.cached_rows = n_;
+  }
+
+  // z_F −= (W + εD)_FF⁻¹ w_F, and w follows; returns the largest change.
+  double add_correction() noexcept {
+    size_ = 0;
+    for (int i = 0; i < n_; ++i)
+      if (active_[i]) ws_.packed[size_++] = -ws_.w[i];
+    cholesky_solve(ws_.factor.data(), size_, ws_.packed.data());
+    double largest = 0;
+    for (int k = 0; k < size_; ++k) {
+      const double dz = ws_.packed[k];
+      largest = std::max(largest, std::abs(dz));
+      z_[ws_.index[k]] += dz;
+    }
+    compute_w();
+    return largest;
+  }
+
+  const Eigen::Ref<const MatX>& W_;
+  const Eigen::Ref<const VecX>& q_;
+  Eigen::Ref<VecX> z_;
+  std::span<std::uint8_t> active_;
+  LcpWorkspace& ws_;
+  int n_;
+  double epsilon_;
+  double q_scale_ = 0;
+  double noise_z_ = 0;
+  int size_ = 0;
+  bool rigid_ = false;
+};
+
+int count_active(std::span<const std::uint8_t> active) noexcept {
+  return static_cast<int>(std::count_if(active.begin(), active.end(), [](auto a) { return a != 0; }));
+}
+
+}  // namespace
+
+LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q, Eigen::Ref<VecX> z,
+                    std::span<std::uint8_t> active, LcpWorkspace& workspace, std::uint64_t matrix_version,
+                    const LcpOptions& options) noexcept {
+  LcpResult result;
+  const auto refuse = [&](SolveStatus status) {
+    z.setZero();
+    std::fill(active.begin(), active.end(), std::uint8_t{0});
+    workspace.cached_version = 0;
+    result.status = status;
+    result.active = 0;
+    return result;
+  };
+  if (!q.allFinite() || !W.diagonal().allFinite()) return refuse(SolveStatus::not_finite);
+
+  Pivoting pivoting(W, q, z, active, workspace, options.relative_diagonal);
+  if (pivoting.rigid()) {
+    const bool feasible = q.size() == 0 || q.minCoeff() >= 0;
+    result.residual = feasible ? 0 : 1;
+    return refuse(feasible ? SolveStatus::solved : SolveStatus::iteration_cap);
+  }
+
+  double best_residual = std::numeric_limits<double>::infinity();
+  int fewest = static_cast<int>(q.size()) + 1, patience = options.patience;
+  for (;;) {
+    pivoting.solve_active_block(matrix_version);
+    if (!z.allFinite()) return refuse(SolveStatus::not_finite);
+    int least;
+    const int infeasible = pivoting.find_infeasible(least);
+    if (infeasible == 0) {
+      pivoting.keep_best();
+      break;
+    }
+    if (const double residual = pivoting.natural_map(); residual < best_residual) {
+      best_residual = residual;
+      pivoting.keep_best();
+    }
+    if (result.pivots >= options.max_pivots) {
+      result.status = SolveStatus::iteration_cap;
+      break;
+    }
+    ++result.pivots;
+    if (infeasible < fewest) {
+      fewest = infeasible;
+      patience = options.patience;
+      pivoting.exchange_infeasible();
+    } else if (patience > 0) {
+      --patience;
+      pivoting.exchange_infeasible();
+    } else {
+      result.fell_back = true;
+      active[least] = !active[least];
+    }
+  }
+
+  pivoting.restore_best();
+  z = z.cwiseMax(0.0);
+  pivoting.compute_w();
+  result.residual = pivoting.natural_map();
+  if (!std::isfinite(result.residual)) return refuse(SolveStatus::not_finite);
+  result.active = count_active(active);
+  return result;
+}
+
+}  // namespace hapticd

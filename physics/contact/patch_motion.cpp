@@ -1,0 +1,60 @@
+// Contact memory by sample id, and how the patch moves under contact forces: x = x_free + C_pp f.
+#include <algorithm>
+
+#include "physics/contact/rows.h"
+
+namespace hapticd {
+namespace {
+
+using NodeForces = std::array<double, 3 * max_patch_nodes>;
+
+void add_force(const PatchSample& s, const Vec3& force, NodeForces& f) noexcept {
+  if (s.node[0] < 0) return;
+  for (int a = 0; a < 3; ++a)
+    for (int c = 0; c < 3; ++c) f[3 * s.node[a] + c] += s.weight[a] * force[c];
+}
+
+void apply_compliance(const CondensedProblem& problem, const NodeForces& f, PatchPositions& x) noexcept {
+  const int size = 3 * problem.nodes;
+  NodeForces u{};
+  for (int j = 0; j < size; ++j) {
+    if (f[j] == 0) continue;
+    const double* column = problem.C_pp.data() + static_cast<std::ptrdiff_t>(j) * size;
+    for (int i = 0; i < size; ++i) u[i] += f[j] * column[i];
+  }
+  for (int a = 0; a < problem.nodes; ++a) x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
+}
+
+}  // namespace
+
+const ContactMemory::Entry* ContactMemory::find(std::uint64_t id) const noexcept {
+  const auto end = entry.begin() + count;
+  const auto found =
+      std::lower_bound(entry.begin(), end, id, [](const Entry& e, std::uint64_t key) { return e.id < key; });
+  return found != end && found->id == id ? &*found : nullptr;
+}
+
+void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, std::span<const double> lambda,
+                     PatchPositions& x) noexcept {
+  NodeForces f{};
+  for (int i = 0; i < rows.contacts; ++i) {
+    Vec3 force = Vec3::Zero();
+    for (int c = 0; c < rows.rows_per_contact; ++c)
+      force += lambda[rows.rows_per_contact * i + c] * rows.row[i].frame.col(c);
+    add_force(problem.sample[rows.row[i].sample], force, f);
+  }
+  apply_compliance(problem, f, x);
+}
+
+void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory, PatchPositions& x) noexcept {
+  NodeForces f{};
+  const auto begin = problem.sample.begin(), end = begin + problem.samples;
+  for (int m = 0; m < memory.count; ++m) {
+    const auto found = std::lower_bound(begin, end, memory.entry[m].id,
+                                        [](const PatchSample& s, std::uint64_t id) { return s.id < id; });
+    if (found != end && found->id == memory.entry[m].id) add_force(*found, memory.entry[m].lambda, f);
+  }
+  apply_compliance(problem, f, x);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,130 @@
+#include "physics/contact/rows.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "physics/contact/delassus.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
+
+struct Candidate {
+  double gap;
+  int sample;
+};
+
+// Samples that become rows, by sample index (which is by id). Returns how many, and counts the dropped.
+int select(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
+           const PatchPositions& x, double margin, std::array<Candidate, max_patch_samples>& candidate,
+           int& dropped) noexcept {
+  int count = 0;
+  for (int k = 0; k < problem.samples; ++k) {
+    const Gap gap = gap_at(instrument, X, sample_position(problem, x, k));
+    if (gap.distance < margin && gap.normal.dot(problem.sample[k].outward) < facing_away)
+      candidate[count++] = {gap.distance, k};
+  }
+  const auto begin = candidate.begin();
+  dropped = std::max(0, count - max_contacts);
+  if (dropped > 0) {
+    const auto nearer = [](const Candidate& a, const Candidate& b) {
+      return a.gap != b.gap ? a.gap < b.gap : a.sample < b.sample;
+    };
+    std::nth_element(begin, begin + max_contacts, begin + count, nearer);
+    count = max_contacts;
+    std::sort(begin, begin + count, [](const Candidate& a, const Candidate& b) { return a.sample < b.sample; });
+  }
+  return count;
+}
+
+// J d of one contact, in its frame: minus the displacement of the instrument's point at the contact.
+Vec3 coupled(const ContactRow& row, const Vec6& d) noexcept {
+  return -row.frame.transpose() * (d.head<3>() + d.tail<3>().cross(row.arm));
+}
+
+void set_q(ContactRows& rows, int i, const Vec3& delta) noexcept {
+  const int first = rows.rows_per_contact * i;
+  for (int c = 0; c < rows.rows_per_contact; ++c) rows.q_storage[first + c] = delta[c];
+}
+
+}  // namespace
+
+Vec3 sample_position(const CondensedProblem& problem, const PatchPositions& x, int sample) noexcept {
+  const PatchSample& s = problem.sample[sample];
+  if (s.node[0] < 0) return s.free;
+  return s.weight[0] * x[s.node[0]] + s.weight[1] * x[s.node[1]] + s.weight[2] * x[s.node[2]];
+}
+
+Mat3 contact_frame(const Vec3& n) noexcept {
+  const double sign = std::copysign(1.0, n.z());
+  const double a = -1.0 / (sign + n.z()), b = n.x() * n.y() * a;
+  Mat3 F;
+  F.col(0) = n;
+  F.col(1) = Vec3(1.0 + sign * n.x() * n.x() * a, sign * b, -sign * n.x());
+  F.col(2) = Vec3(b, sign + n.y() * n.y() * a, -n.y());
+  return F;
+}
+
+void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
+                const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
+                const ContactMemory& memory, double margin, ContactRows& rows) noexcept {
+  std::array<Candidate, max_patch_samples> candidate;
+  rows.contacts = select(problem, instrument, X_lin, x_lin, margin, candidate, rows.dropped);
+  rows.rows_per_contact = 1;
+  for (int i = 0; i < rows.contacts; ++i)
+    if (problem.sample[candidate[i].sample].friction > 0) rows.rows_per_contact = 3;
+
+  const Vec6 shift = difference(X_free, X_lin);
+  for (int i = 0; i < rows.contacts; ++i) {
+    const int k = candidate[i].sample;
+    const Vec3 s = sample_position(problem, x_lin, k);
+    const Vec3 s_free = sample_position(problem, problem.x_free, k);
+    const Gap gap = gap_at(instrument, X_lin, s);
+    ContactRow& row = rows.row[i];
+    row.sample = k;
+    row.id = problem.sample[k].id;
+    row.frame = contact_frame(gap.normal);
+    row.arm = s - X_lin.p;
+    row.gap = gap.distance;
+    row.friction = problem.sample[k].friction;
+    const ContactMemory::Entry* known = memory.find(row.id);
+    row.anchor = known ? known->anchor : X_lin.to_local(s);
+    row.delta_free = row.frame.transpose() * (s_free - X_lin.to_world(row.anchor));
+    row.delta_free[0] = gap.distance + gap.normal.dot(s_free - s);
+    row.delta_free += coupled(row, shift);
+    if (rows.rows_per_contact == 1) row.delta_free.tail<2>().setZero();
+    set_q(rows, i, row.delta_free);
+  }
+  assemble_delassus(problem, K_inv_diag, rows);
+}
+
+void shift_rows(const CondensedProblem& problem, const Pose& X_frozen, const Pose& X_free,
+                const ContactMemory& memory, ContactRows& rows) noexcept {
+  const Vec6 shift = difference(X_free, X_frozen);
+  for (int i = 0; i < rows.contacts; ++i) {
+    ContactRow& row = rows.row[i];
+    if (rows.rows_per_contact == 3) {
+      if (const ContactMemory::Entry* known = memory.find(row.id)) row.anchor = known->anchor;
+      const Vec3 s_free = sample_position(problem, problem.x_free, row.sample);
+      const Vec3 slip = row.frame.transpose() * (s_free - X_frozen.to_world(row.anchor));
+      row.delta_free.tail<2>() = slip.tail<2>();
+    }
+    set_q(rows, i, row.delta_free + coupled(row, shift));
+  }
+}
+
+Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambda) noexcept {
+  Vec6 wrench = Vec6::Zero();
+  for (int i = 0; i < rows.contacts; ++i) {
+    const ContactRow& row = rows.row[i];
+    Vec3 force = Vec3::Zero();
+    for (int c = 0; c < rows.rows_per_contact; ++c)
+      force += lambda[rows.rows_per_contact * i + c] * row.frame.col(c);
+    wrench.head<3>() -= force;
+    wrench.tail<3>() -= row.arm.cross(force);
+  }
+  return wrench;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,54 @@
+#include "server/dds.h"
+
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+#include "server/paths.h"
+#include "server/realtime.h"
+
+namespace hapticd {
+
+std::string read_dds_profile(const std::string& name) {
+  const std::filesystem::path file = config_directory() / "dds" / (name + ".xml");
+  std::ifstream in(file);
+  if (!in) throw std::runtime_error("cannot read the DDS profile " + file.string());
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::string default_dds_profile() {
+  return read_dds_profile(realtime_allowed() ? "loopback_realtime" : "loopback");
+}
+
+dds_entity_t require(dds_entity_t code, const std::string& what) {
+  if (code < 0) throw std::runtime_error("DDS: cannot make " + what + ": " + dds_strretcode(-code));
+  return code;
+}
+
+Domain::Domain(std::uint32_t id, const std::string& xml)
+    : id_(id), entity_(require(dds_create_domain(id, xml.c_str()), "domain " + std::to_string(id))) {}
+
+Participant::Participant(const Domain& domain)
+    : entity_(require(dds_create_participant(domain.id(), nullptr, nullptr),
+                      "a participant in domain " + std::to_string(domain.id()))) {}
+
+Qos realtime_qos(int depth) {
+  Qos qos(dds_create_qos(), &dds_delete_qos);
+  dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
+  dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
+  return qos;
+}
+
+Qos retained_qos() {
+  Qos qos(dds_create_qos(), &dds_delete_qos);
+  // The wait bounds how long a full writer may hold up the diagnostics thread.
+  dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(100));
+  dds_qset_durability(qos.get(), DDS_DURABILITY_TRANSIENT_LOCAL);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
+  dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
+                              DDS_LENGTH_UNLIMITED);
+  return qos;
+}
+
+}  // namespace hapticd

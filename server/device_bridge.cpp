@@ -1,0 +1,111 @@
+#include "server/device_bridge.h"
+
+#include <algorithm>
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t silence_ns = 100'000'000;
+
+}  // namespace
+
+DeviceSample sample_from(const hapticd_msg_DeviceState& m) noexcept {
+  DeviceSample s;
+  s.sequence = m.number;
+  s.client_time_ns = m.client_time_ns;
+  s.pose.p = Vec3(m.position[0], m.position[1], m.position[2]);
+  s.pose.q = Quat(m.orientation[3], m.orientation[0], m.orientation[1], m.orientation[2]);
+  s.buttons = m.buttons;
+  s.enable = m.enable;
+  return s;
+}
+
+hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample& f) noexcept {
+  const auto microseconds = [](std::int64_t ns) { return static_cast<float>(1e-3 * static_cast<double>(ns)); };
+  const auto small = [](std::uint32_t n) { return static_cast<std::uint16_t>(std::min(n, 65535u)); };
+  hapticd_msg_ForceCommand m{};
+  m.device_id = device_id;
+  m.number = f.sequence;
+  m.echo_number = f.echo_sequence;
+  m.echo_client_time_ns = f.echo_client_time_ns;
+  for (int i = 0; i < 3; ++i) {
+    m.force[i] = f.force[i];
+    m.torque[i] = f.torque[i];
+  }
+  m.status = f.status;
+  m.step = f.step;
+  m.state_age_us = microseconds(f.state_age_ns);
+  m.problem_age_ms = 1e-3f * microseconds(f.problem_age_ns);
+  m.wake_us = microseconds(f.wake_ns);
+  m.solve_us = microseconds(f.solve_ns);
+  m.residual = static_cast<float>(f.residual);
+  m.penetration_um = static_cast<float>(1e6 * f.penetration);
+  m.contacts = small(f.contacts);
+  m.active = small(f.active);
+  m.dropped = small(f.dropped);
+  return m;
+}
+
+DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id)
+    : device_id_(device_id), reader_(participant), writer_(participant) {}
+
+// The pinned writer's handle if it is no longer matched, else 0. A writer that is deleted among others
+// changes no instance state, so the list is asked for, but only when the matching changed.
+dds_instance_handle_t DdsDevicePort::departed() noexcept {
+  std::uint32_t changed = 0;
+  dds_get_status_changes(reader_.handle(), &changed);
+  if (!(changed & DDS_SUBSCRIPTION_MATCHED_STATUS)) return 0;
+  reader_.matched();  // reading the status resets the change
+  std::array<dds_instance_handle_t, 64> writer;
+  writers_ = dds_get_matched_publications(reader_.handle(), writer.data(), writer.size());
+  // With more writers than fit the pin is only released by its own dispose or silence.
+  if (writers_ < 0 || writers_ > static_cast<int>(writer.size())) return 0;
+  const auto end = writer.begin() + writers_;
+  return std::find(writer.begin(), end, pinned_) == end ? pinned_ : 0;
+}
+
+// Whether the writer is the client, which it becomes when there is none.
+bool DdsDevicePort::admit(dds_instance_handle_t writer, std::int64_t now_ns) noexcept {
+  if (pinned_ == 0 || (writer != pinned_ && now_ns - heard_ns_ >= silence_ns)) {
+    presence_.new_client |= writer != last_pinned_;
+    pinned_ = last_pinned_ = writer;
+  }
+  if (writer != pinned_) {
+    presence_.conflict = true;
+    return false;
+  }
+  heard_ns_ = now_ns;
+  return true;
+}
+
+bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
+  presence_.new_client = presence_.conflict = false;
+  const dds_instance_handle_t gone = departed();
+  const std::int64_t unix_now = dds_time();
+  const int n = std::max(reader_.take_into(samples_, infos_), 0);
+  bool taken = false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(n); ++i) {
+    const dds_sample_info_t& info = infos_[i];
+    if (samples_[i].device_id != device_id_) continue;
+    if (!info.valid_data) {
+      if (info.instance_state == DDS_NOT_ALIVE_NO_WRITERS_INSTANCE_STATE || info.publication_handle == pinned_)
+        pinned_ = 0;
+      continue;
+    }
+    if (!admit(info.publication_handle, now_ns)) continue;
+    sample = sample_from(samples_[i]);
+    const std::int64_t sent_ns = now_ns - (unix_now - info.source_timestamp);
+    sample.received_ns = std::clamp(sent_ns, std::min(last_take_ns_, now_ns), now_ns);
+    taken = true;
+    // Disposed right behind its last state. Among several writers it may have been another's dispose.
+    if (info.instance_state != DDS_ALIVE_INSTANCE_STATE && writers_ == 1) pinned_ = 0;
+  }
+  if (pinned_ == gone) pinned_ = 0;
+  last_take_ns_ = now_ns;
+  presence_.connected = pinned_ != 0;
+  return taken && presence_.connected;
+}
+
+void DdsDevicePort::write(const ForceSample& force) noexcept { writer_.write(message_from(device_id_, force)); }
+
+}  // namespace hapticd

@@ -1,0 +1,174 @@
+#include "server/diagnostics.h"
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+namespace hapticd {
+namespace {
+
+constexpr auto relaxed = std::memory_order_relaxed;
+constexpr auto turn = std::chrono::milliseconds(20);
+constexpr int turns_per_status = 5, turns_per_update = 2;
+
+// The message borrows the vector; Cyclone copies on write.
+template <typename Sequence, typename T>
+Sequence borrowed(std::vector<T>& v) {
+  Sequence s{};
+  s._maximum = s._length = static_cast<std::uint32_t>(v.size());
+  s._buffer = v.data();
+  s._release = false;
+  return s;
+}
+
+nlohmann::json percentiles(const Histogram& histogram, double unit) {
+  const HistogramSnapshot h = histogram.snapshot();
+  return {{"p50", unit * h.percentile(50)},   {"p99", unit * h.percentile(99)},
+          {"p99_9", unit * h.percentile(99.9)}, {"max", unit * static_cast<double>(h.max)},
+          {"mean", unit * h.mean()},          {"count", h.count}};
+}
+
+std::vector<float> flat(const std::vector<Vec3>& nodes) {
+  std::vector<float> out;
+  out.reserve(3 * nodes.size());
+  for (const Vec3& x : nodes)
+    for (int i = 0; i < 3; ++i) out.push_back(static_cast<float>(x[i]));
+  return out;
+}
+
+}  // namespace
+
+void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>& bits) {
+  bits.assign((flags.size() + 7) / 8, 0);
+  for (std::size_t i = 0; i < flags.size(); ++i)
+    if (flags[i]) bits[i / 8] = static_cast<std::uint8_t>(bits[i / 8] | 1u << (i % 8));
+}
+
+nlohmann::json loop_summary(const LoopStatistics& s) {
+  const std::uint64_t run = s.run.load(relaxed);
+  const double elapsed = 1e-9 * static_cast<double>(s.next_ns.load(relaxed) - s.first_ns.load(relaxed));
+  return {{"haptic_rate_hz", run > 0 && elapsed > 0 ? static_cast<double>(run) / elapsed : 0.0},
+          {"haptic_deadline_misses", s.deadline_misses.load(relaxed)},
+          {"slots_scheduled", s.scheduled()},
+          {"slots_sent", run},
+          {"slots_missed", s.missed.load(relaxed)},
+          {"slots_answered", s.answered.load(relaxed)},
+          {"wake_us", percentiles(s.wake, 1e-3)},
+          {"solve_us", percentiles(s.solve, 1e-3)},
+          {"write_us", percentiles(s.write, 1e-3)},
+          {"state_age_us", percentiles(s.state_age, 1e-3)},
+          {"problem_age_ms", percentiles(s.problem_age, 1e-6)},
+          {"force_peak_n", s.force_peak.load(relaxed)},
+          {"penetration_max_um", 1e6 * s.penetration_max.load(relaxed)},
+          {"states_rejected", s.refused.load(relaxed)},
+          {"conflicts", s.conflicts.load(relaxed)},
+          {"solver_caps", s.solver_caps.load(relaxed)}};
+}
+
+Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
+                         Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
+                         const std::optional<std::filesystem::path>& record)
+    : scene_(scene), statistics_(statistics), snapshots_(snapshots), history_(history), status_(participant),
+      geometry_(participant), update_(participant) {
+  if (record) record_.emplace(*record);
+}
+
+Diagnostics::~Diagnostics() { stop(); }
+
+void Diagnostics::start() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void Diagnostics::stop() noexcept {
+  stopping_.store(true, relaxed);
+  if (!thread_.joinable()) return;
+  thread_.join();
+}
+
+void Diagnostics::run() noexcept {
+  publish_geometry();
+  for (std::uint64_t n = 0; !stopping_.load(relaxed); ++n) {
+    drain();
+    snapshots_.acquire();
+    if (n % turns_per_update == 0) publish_update();
+    if (n % turns_per_status == 0) publish_status();
+    std::this_thread::sleep_for(turn);
+  }
+  drain();
+  snapshots_.acquire();
+  publish_update();
+  publish_status();
+  if (!record_) return;
+  record_->flush();
+  recording_failed_.store(record_->failed(), relaxed);
+}
+
+void Diagnostics::drain() {
+  ForceRecord record;
+  while (history_.pop(record))
+    if (record_) record_->write(record);
+}
+
+void Diagnostics::publish_geometry() {
+  for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+    const SceneBody& body = scene_.bodies[i];
+    std::vector<float> nodes = flat(body.mesh.nodes);
+    std::vector<std::uint32_t> tets;
+    tets.reserve(4 * body.mesh.tets.size());
+    for (const Tet& t : body.mesh.tets) tets.insert(tets.end(), t.begin(), t.end());
+    hapticd_msg_SceneGeometry m{};
+    m.body = static_cast<std::uint32_t>(i);
+    m.name = const_cast<char*>(body.name.c_str());
+    m.deformable = body.kind == BodyKind::deformable;
+    m.nodes = borrowed<decltype(m.nodes)>(nodes);
+    m.tets = borrowed<decltype(m.tets)>(tets);
+    geometry_.write(m);
+  }
+}
+
+void Diagnostics::publish_update() {
+  const SceneSnapshot& snapshot = snapshots_.front();
+  if (snapshot.step == 0 || snapshot.step == updated_step_) return;
+  updated_step_ = snapshot.step;
+  for (std::size_t i = 0; i < snapshot.bodies.size(); ++i) {
+    const BodySnapshot& body = snapshot.bodies[i];
+    if (body.nodes.empty()) continue;
+    hapticd_msg_SceneUpdate m{};
+    m.body = static_cast<std::uint32_t>(i);
+    m.step = snapshot.step;
+    m.nodes = borrowed<decltype(m.nodes)>(const_cast<std::vector<float>&>(body.nodes));
+    m.alive = borrowed<decltype(m.alive)>(const_cast<std::vector<std::uint8_t>&>(body.alive));
+    for (int k = 0; k < 3; ++k) m.instrument[k] = static_cast<float>(snapshot.instrument.p[k]);
+    for (int k = 0; k < 4; ++k) m.instrument[3 + k] = static_cast<float>(snapshot.instrument.q.coeffs()[k]);
+    update_.write(m);
+  }
+}
+
+void Diagnostics::publish_status() {
+  const std::int64_t now = monotonic_ns();
+  const std::uint64_t run = statistics_.run.load(relaxed);
+  if (rate_mark_ns_ == 0 || now - rate_mark_ns_ >= 1'000'000'000) {
+    if (rate_mark_ns_ > 0)
+      rate_hz_ = 1e9 * static_cast<double>(run - rate_mark_run_) / static_cast<double>(now - rate_mark_ns_);
+    rate_mark_ns_ = now;
+    rate_mark_run_ = run;
+  }
+  const SceneSnapshot& snapshot = snapshots_.front();
+  hapticd_msg_ServerStatus m{};
+  m.device_id = scene_.device.id;
+  m.step = snapshot.step;
+  m.ticks = run;
+  m.deadline_misses = statistics_.deadline_misses.load(relaxed);
+  m.haptic_rate_hz = static_cast<float>(rate_hz_);
+  m.sim_rate_hz = static_cast<float>(snapshot.rate_hz);
+  m.sim_step_ms = static_cast<float>(snapshot.step_ms);
+  m.elements_removed = snapshot.elements_removed;
+  m.fragments_aspirated = snapshot.fragments_aspirated;
+  m.status = statistics_.status.load(relaxed);
+  m.rejected_states = static_cast<std::uint32_t>(statistics_.refused.load(relaxed));
+  m.conflicts = static_cast<std::uint32_t>(statistics_.conflicts.load(relaxed));
+  m.scene = const_cast<char*>(scene_.name.c_str());
+  status_.write(m);
+}
+
+}  // namespace hapticd

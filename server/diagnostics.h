@@ -1,0 +1,94 @@
+// The thread that talks: status, scene and recording, at ordinary priority, fed by queues and channels.
+//
+//   10 Hz   ServerStatus            from the loop's statistics and the newest snapshot
+//   once    SceneGeometry           per body, kept by DDS for late readers
+//   25 Hz   SceneUpdate             per deformable body, from the newest snapshot
+//   50 Hz   the force history       drained, and written to the recording if there is one
+//
+// Neither loop ever waits for it: a full queue drops and counts, a channel keeps the newest.
+// Thread safety: start, stop and the constructor belong to one thread; the diagnostics thread alone
+// reads `snapshots` and pops from `history`.
+// Errors: the constructor throws std::runtime_error (recording, DDS).
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "haptic/loop.h"
+#include "server/dds.h"
+#include "server/force_record.h"
+#include "server/scene.h"
+
+namespace hapticd {
+
+// A body as the simulation last left it.
+struct BodySnapshot {
+  std::vector<float> nodes;          // 3 per node, present positions [m]; empty for a rigid body
+  std::vector<std::uint8_t> alive;   // 1 bit per tetrahedron, least significant first
+};
+
+// What the simulation thread hands over after a step. Sizes do not change after the first.
+struct SceneSnapshot {
+  std::uint64_t step = 0;            // 0: none yet
+  std::vector<BodySnapshot> bodies;  // in the scene's order
+  Pose instrument;                   // in the scene
+  std::uint32_t elements_removed = 0;
+  std::uint32_t fragments_aspirated = 0;
+  double step_ms = 0;
+  double rate_hz = 0;
+};
+
+// One bit per entry, least significant first.
+void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>& bits);
+
+// The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
+// slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, solve_us, write_us,
+// state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,
+// penetration_max_um, states_rejected, conflicts, solver_caps.
+nlohmann::json loop_summary(const LoopStatistics& statistics);
+
+class Diagnostics {
+ public:
+  // Everything referred to must outlive the object. record: CSV file to write, if any.
+  Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
+              Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
+              const std::optional<std::filesystem::path>& record);
+  ~Diagnostics();
+  Diagnostics(const Diagnostics&) = delete;
+  Diagnostics& operator=(const Diagnostics&) = delete;
+
+  void start();
+  // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
+  void stop() noexcept;
+
+  bool recording_failed() const noexcept { return recording_failed_.load(std::memory_order_relaxed); }
+
+ private:
+  void run() noexcept;
+  void drain();
+  void publish_geometry();
+  void publish_status();
+  void publish_update();
+
+  const Scene& scene_;
+  const LoopStatistics& statistics_;
+  Channel<SceneSnapshot>& snapshots_;
+  SpscQueue<ForceRecord>& history_;
+  std::optional<ForceRecordWriter> record_;
+  Writer<hapticd_msg_ServerStatus> status_;
+  Writer<hapticd_msg_SceneGeometry> geometry_;
+  Writer<hapticd_msg_SceneUpdate> update_;
+  std::uint64_t rate_mark_run_ = 0;    // where the present window of the rate began
+  std::int64_t rate_mark_ns_ = 0;
+  double rate_hz_ = 0;
+  std::uint64_t updated_step_ = 0;
+  std::atomic<bool> recording_failed_{false};
+  std::atomic<bool> stopping_{false};
+  std::thread thread_;
+};
+
+}  // namespace hapticd

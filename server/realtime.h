@@ -1,0 +1,61 @@
+// What the operating system can be asked for so that 1 kHz holds, and what it answered.
+//
+// Every function reports a refusal as a value and leaves the process in working order: without
+// privileges the daemon runs, later wake-ups are its only loss. `detail` names the way out.
+// Thread safety: the process-wide ones belong to start-up; the others act on the calling thread.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace hapticd {
+
+struct Grant {
+  std::string what;     // "SCHED_FIFO 80", "mlockall", …
+  bool granted = false;
+  std::string detail;   // why not, and what would help; empty when granted
+};
+
+// Whether this process may use SCHED_FIFO at all, tried on a thread that ends at once.
+bool realtime_allowed();
+
+// Process-wide: malloc keeps its pages (M_MMAP_THRESHOLD, M_TRIM_THRESHOLD 1 GiB: page faults cost a
+// third of a factorisation); mlockall of present and future pages.
+Grant keep_malloc_pages();
+Grant lock_memory();
+
+// Keeps /dev/cpu_dma_latency open with 0 µs while it lives: no deep idle states.
+class CpuLatency {
+ public:
+  CpuLatency();
+  ~CpuLatency();
+  CpuLatency(const CpuLatency&) = delete;
+  CpuLatency& operator=(const CpuLatency&) = delete;
+  const Grant& grant() const noexcept { return grant_; }
+
+ private:
+  int file_ = -1;
+  Grant grant_;
+};
+
+// Calling thread.
+Grant use_fifo(int priority);
+Grant use_core(int core);
+// Touches 512 KiB of stack below the caller, so that no later call faults there.
+void prefault_stack() noexcept;
+
+// Calling thread confined to one core while it lives; threads made meanwhile inherit that.
+class ScopedCore {
+ public:
+  explicit ScopedCore(int core);
+  ~ScopedCore();
+  ScopedCore(const ScopedCore&) = delete;
+  ScopedCore& operator=(const ScopedCore&) = delete;
+  const Grant& grant() const noexcept { return grant_; }
+
+ private:
+  std::vector<int> before_;
+  Grant grant_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,244 @@
+#include "haptic/haptic_step.h"
+
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "tests/haptic/wall.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t ms = 1'000'000;
+constexpr double depth = 0.2e-3;  // scene [m]
+
+// A device over the wall: a tenth of its motion and five times its force.
+struct HapticStep : testing::Test {
+  DeviceSettings device;
+  Instrument instrument = wall::instrument();
+  std::unique_ptr<CondensedProblem> problem = std::make_unique<CondensedProblem>();
+  HapticOptions options;
+  std::unique_ptr<HapticState> state = std::make_unique<HapticState>();
+  std::int64_t now = 1000 * ms;
+  std::uint64_t sequence = 0;
+  double height = wall::radius - depth;  // of the tip's centre in the scene
+  bool publish = true;                   // the simulation lives
+
+  HapticStep() {
+    device.max_force = 3;
+    device.max_torque = 0.1;
+    device.max_force_rate = 1e4;
+    device.max_speed = 1;
+    device.damping = 4;
+    device.position_scale = 0.1;
+    device.force_scale = 5;
+    wall::make(*problem, 1, now);
+  }
+  HapticInput input(bool taken = true) {
+    now += ms;
+    if (publish) problem->published_ns = now;
+    HapticInput in;
+    in.now_ns = now;
+    in.presence.connected = true;
+    in.presence.new_client = sequence == 0;
+    in.taken = taken;
+    if (taken) in.sample.sequence = ++sequence;
+    in.sample.received_ns = now;
+    in.sample.enable = true;
+    in.sample.pose.p = device.frame.conjugate() * Vec3(0, 0, height) / device.position_scale;
+    return in;
+  }
+  ForceSample tick(const HapticInput& in) {
+    return haptic_step(problem.get(), instrument, device, options, in, *state);
+  }
+  ForceSample tick(bool taken = true) { return tick(input(taken)); }
+  ForceSample settle() {
+    for (int i = 0; i < 120; ++i) tick();
+    return tick();
+  }
+};
+
+constexpr double answer = 5 * wall::stiffness * depth;  // force_scale · K · d [N]
+
+TEST_F(HapticStep, WallPushesBackWithStiffnessTimesDepthThroughTheScales) {
+  const ForceSample f = settle();
+  EXPECT_EQ(f.status, 0u);
+  EXPECT_NEAR(f.force.z(), answer, 1e-6 * answer);
+  EXPECT_LT(f.force.head<2>().norm(), 1e-9);
+  EXPECT_EQ(f.active, 1u);
+  EXPECT_EQ(f.echo_sequence, sequence);
+  EXPECT_TRUE(f.answers);
+  EXPECT_EQ(f.step, 1u);
+}
+
+TEST_F(HapticStep, ForceComesInTheDevicesAxes) {
+  device.frame = Quat(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitX()));  // scene z is the device's y
+  const ForceSample f = settle();
+  EXPECT_NEAR(f.force.y(), answer, 1e-6 * answer);
+  EXPECT_NEAR(f.force.z(), 0, 1e-9);
+}
+
+TEST_F(HapticStep, NoContactIsExactlyZero) {
+  height = wall::radius + 0.1e-3;  // within the alarm distance: a row, but no force
+  const ForceSample f = settle();
+  EXPECT_EQ(f.status, 0u);
+  EXPECT_EQ(f.force, Vec3::Zero());
+  EXPECT_EQ(f.torque, Vec3::Zero());
+  EXPECT_EQ(f.active, 0u);
+}
+
+TEST_F(HapticStep, ArmingInsideTheTissueRampsUpFromZero) {
+  double last = 0;
+  for (int i = 1; i <= 90; ++i) {
+    const ForceSample f = tick();
+    EXPECT_NEAR(f.force.z(), 0.01 * (i - 1) * answer, 0.011 * answer);
+    EXPECT_GE(f.force.z(), last);
+    last = f.force.z();
+  }
+}
+
+TEST_F(HapticStep, ClientGoneIsExactlyZeroInTheSameTick) {
+  settle();
+  HapticInput in = input(false);
+  in.presence.connected = false;
+  const ForceSample f = tick(in);
+  EXPECT_EQ(f.force, Vec3::Zero());
+  EXPECT_EQ(f.torque, Vec3::Zero());
+  EXPECT_EQ(f.status, status_disarmed);
+}
+
+TEST_F(HapticStep, LostStatesHoldTheForceThenRampItToZero) {
+  const Vec3 before = settle().force;
+  for (int age = 1; age <= 9; ++age) EXPECT_LT((tick(false).force - before).norm(), 1e-9) << age;
+  for (int age = 10; age <= 13; ++age)
+    EXPECT_LT((tick(false).force - (1 - 0.2 * (age - 9)) * before).norm(), 1e-9) << age;
+  EXPECT_LT(tick(false).force.norm(), 1e-12);
+}
+
+TEST_F(HapticStep, OldProblemIsDampingOnly) {
+  height = 10e-3;
+  settle();
+  publish = false;
+  ForceSample f;
+  for (int i = 0; i < 100; ++i) {
+    height += 0.05e-3;  // 0.05 m/s in the scene, 0.5 m/s at the device
+    f = tick();
+  }
+  EXPECT_EQ(f.status, status_problem_old);
+  EXPECT_NEAR(f.force.z(), -4 * 0.5, 1e-3);
+  for (int i = 0; i < 110; ++i) f = tick();
+  EXPECT_EQ(f.status, status_problem_lost);
+  EXPECT_EQ(f.force, Vec3::Zero());
+}
+
+TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
+  const double before = settle().force.z();
+  const double sunk = 0.05e-3, after = before - 5 * wall::stiffness * sunk;
+  wall::make(*problem, 2, now, -sunk);
+  problem->topology_changed = true;
+  for (int i = 0; i < 5; ++i) {
+    const ForceSample f = tick();
+    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - 0.2 * i), 1e-6);
+    EXPECT_EQ(f.status, status_blending);
+  }
+  EXPECT_NEAR(tick().force.z(), after, 1e-6);
+  wall::make(*problem, 3, now, 0);
+  const ForceSample f = tick();
+  EXPECT_NEAR(f.force.z(), before, 1e-6);
+  EXPECT_EQ(f.status, 0u);
+}
+
+TEST_F(HapticStep, ResumingAfterAStallIsBlended) {
+  const double before = settle().force.z();
+  for (int age = 1; age <= 5; ++age) tick(false);
+  height -= 0.05e-3;
+  const double after = before + 5 * wall::stiffness * 0.05e-3;
+  for (int i = 0; i < 5; ++i) {
+    const ForceSample f = tick();
+    EXPECT_TRUE(f.status & status_blending);
+    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - 0.2 * i), 1e-6);
+  }
+}
+
+TEST_F(HapticStep, DeviceLimitsAreObeyed) {
+  height = wall::radius - 0.9e-3;
+  device.force_scale = 50;  // 200 N/m · 0.9 mm · 50 = 9 N
+  ForceSample f = settle();
+  EXPECT_NEAR(f.force.norm(), 3, 1e-12);
+  EXPECT_TRUE(f.status & status_saturated);
+  device.max_force_rate = 100;
+  height = wall::radius + 0.5e-3;
+  f = tick();
+  EXPECT_NEAR(f.force.norm(), 2.9, 1e-12);
+  EXPECT_TRUE(f.status & status_slew_limited);
+}
+
+TEST_F(HapticStep, ForceThatIsNotFiniteBecomesZeroAndLatches) {
+  settle();
+  device.force_scale = std::numeric_limits<double>::infinity();
+  ForceSample f = tick();
+  EXPECT_EQ(f.force, Vec3::Zero());
+  EXPECT_EQ(f.torque, Vec3::Zero());
+  EXPECT_EQ(f.status, status_not_finite | status_latched | status_disarmed);
+  device.force_scale = 5;
+  f = tick();
+  EXPECT_EQ(f.force, Vec3::Zero());
+  EXPECT_TRUE(f.status & status_latched);
+}
+
+TEST_F(HapticStep, RefusedStateMovesNothing) {
+  const Vec3 before = settle().force;
+  HapticInput in = input();
+  in.sample.pose.p.setConstant(std::nan(""));
+  const ForceSample f = tick(in);
+  EXPECT_LT((f.force - before).norm(), 1e-9);
+  EXPECT_EQ(f.status, status_rejected);
+  EXPECT_EQ(f.echo_sequence, sequence - 1);
+  EXPECT_FALSE(f.answers);
+}
+
+TEST_F(HapticStep, WithoutAProblemThereIsNoForce) {
+  const ForceSample f = haptic_step(nullptr, instrument, device, options, input(), *state);
+  EXPECT_EQ(f.force, Vec3::Zero());
+  EXPECT_EQ(f.status, status_disarmed | status_problem_lost);
+  EXPECT_EQ(f.problem_age_ns, -1);
+}
+
+TEST_F(HapticStep, PassivityControlTakesBackTheEnergyOfTheHoldAndIsOffByDefault) {
+  // A fast in-and-out stroke on a sampled spring makes energy.
+  const auto stroke = [&] {
+    height = wall::radius;
+    settle();
+    double lowest = 0;
+    for (int cycle = 0; cycle < 20; ++cycle)
+      for (int k = 0; k < 10; ++k) {
+        height += (k < 5 ? -1 : 1) * 0.05e-3;
+        lowest = std::min(lowest, tick().energy);
+      }
+    return std::make_pair(lowest, state->passivity.energy);
+  };
+  const auto without = stroke();
+  EXPECT_LT(without.second, -1e-4);
+  state = std::make_unique<HapticState>();
+  sequence = 0;
+  options.passivity_control = true;
+  const auto with = stroke();
+  EXPECT_GT(with.second, 0.2 * without.second);
+}
+
+TEST_F(HapticStep, SimulationSeesThePedalsOnlyWhileStatesCome) {
+  HapticInput in = input();
+  in.sample.buttons = pedal_phaco;
+  tick(in);
+  InstrumentInput seen = instrument_input(device, options.watchdog, state->watchdog, now);
+  EXPECT_TRUE(seen.present);
+  EXPECT_EQ(seen.buttons, pedal_phaco);
+  EXPECT_NEAR(seen.X.p.z(), height, 1e-15);
+  seen = instrument_input(device, options.watchdog, state->watchdog, now + 10 * ms);
+  EXPECT_FALSE(seen.present);
+  EXPECT_EQ(seen.buttons, 0u);
+  EXPECT_NEAR(seen.X.p.z(), height, 1e-15);
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,327 @@
+#include "physics/contact/contact_solve.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "tests/support/contact_problems.h"
+#include "tests/support/malloc_guard.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double T = 1e-3;
+
+// One loop's own state and scratch.
+struct Loop {
+  ContactOptions options;
+  ContactState state;
+  std::unique_ptr<ContactScratch> scratch = std::make_unique<ContactScratch>();
+
+  ContactSolution solve(const CondensedProblem& problem, const Instrument& instrument, const Pose& X) {
+    return solve_contact(problem, instrument, X, T, options, state, *scratch);
+  }
+};
+
+struct Sheet {
+  std::unique_ptr<CondensedProblem> problem;
+  Instrument instrument = sphere_instrument(2e-3);
+
+  explicit Sheet(double friction, std::uint64_t seed = 1, double compliance = 0.05) {
+    Random random(seed);
+    SheetSettings settings;
+    settings.friction = friction;
+    settings.compliance = compliance;
+    problem = sheet_problem(random, settings);
+    problem->X_ref = at(0);
+  }
+
+  // Sphere with its lowest point `depth` below the undeformed sheet, off its symmetry.
+  static Pose at(double depth, double along = 0) {
+    return {Vec3(0.31e-3 + along, -0.17e-3, 2e-3 - depth), Quat::Identity()};
+  }
+};
+
+TEST(ContactSolve, FreeSpaceGivesZero) {
+  for (const double friction : {0.0, 0.3}) {
+    const Sheet s(friction);
+    Loop loop;
+    const ContactSolution out = loop.solve(*s.problem, s.instrument, Sheet::at(-0.2e-3));
+    EXPECT_GT(out.contacts, 0);  // rows exist before touch
+    EXPECT_EQ(out.active, 0);
+    EXPECT_TRUE(out.wrench.isZero(0));
+    EXPECT_EQ(out.penetration, 0);
+    EXPECT_EQ(loop.solve(*s.problem, s.instrument, Sheet::at(-5e-3)).contacts, 0);
+  }
+}
+
+// Tissue spring k and coupling K in series under a sphere that goes d down: f = d / (1/k + 1/K_eff), at once
+// with K_eff = K (1 + B/(K T)), at rest with K.
+TEST(ContactSolve, SphereOnASpringIsTwoSpringsInSeries) {
+  const double k = 40, K = 300, damping_time = 2e-3, depth = 0.3e-3;
+  for (const double friction : {0.0, 0.4})
+    for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+      const auto problem = spring_problem(k, Vec3::Zero(), friction);
+      problem->coupling = {K, 0.05, damping_time};
+      problem->renewal = renewal;
+      problem->X_ref = {Vec3(0, 0, 1e-3), Quat::Identity()};
+      const Instrument instrument = sphere_instrument(1e-3);
+      const Pose X{Vec3(0, 0, 1e-3 - depth), Quat::Identity()};
+      Loop loop;
+      ContactSolution out = loop.solve(*problem, instrument, X);
+      const double at_once = depth / (1 / k + 1 / (K * (1 + damping_time / T)));
+      EXPECT_NEAR(out.wrench[2], at_once, 1e-8 * at_once);
+      for (int tick = 0; tick < 200; ++tick) out = loop.solve(*problem, instrument, X);
+      const double at_rest = depth / (1 / k + 1 / K);
+      EXPECT_NEAR(out.wrench[2], at_rest, 1e-8 * at_rest);
+      EXPECT_LT(out.wrench.head<2>().norm() + out.wrench.tail<3>().norm(), 1e-8 * at_rest);
+      EXPECT_NEAR(out.instrument.p.z() - X.p.z(), at_rest / K, 1e-8 * depth);
+      EXPECT_NEAR(loop.scratch->x[0].z(), -at_rest / k, 1e-8 * depth);
+      EXPECT_LT(out.penetration, 1e-8 * depth);
+      EXPECT_EQ(out.active, 1);
+    }
+}
+
+TEST(ContactSolve, NoCouplingStiffnessMeansHeldRigidly) {
+  const auto problem = spring_problem(40, Vec3::Zero(), 0);
+  const Instrument instrument = sphere_instrument(1e-3);
+  Loop loop;
+  const ContactSolution out = loop.solve(*problem, instrument, {Vec3(0, 0, 0.7e-3), Quat::Identity()});
+  EXPECT_NEAR(out.wrench[2], 40 * 0.3e-3, 1e-9);
+  EXPECT_EQ(out.instrument.p.z(), 0.7e-3);
+}
+
+TEST(ContactSolve, RigidObstacleIsFeltThroughTheCouplingAlone) {
+  for (const double friction : {0.0, 0.4}) {
+    const auto problem = spring_problem(1, Vec3::Zero(), friction);
+    problem->nodes = 0;
+    problem->sample[0].node = {-1, -1, -1};
+    problem->coupling = {300, 0.05, 0};
+    Loop loop;
+    ContactSolution out;
+    for (int tick = 0; tick < 50; ++tick)
+      out = loop.solve(*problem, sphere_instrument(1e-3), {Vec3(0, 0, 0.7e-3), Quat::Identity()});
+    EXPECT_NEAR(out.wrench[2], 300 * 0.3e-3, 2e-3 * 300 * 0.3e-3);
+    EXPECT_LT(out.penetration, 1e-3 * 0.3e-3);
+  }
+}
+
+// Without friction and damping the wrench is minus the gradient, by the device's twist, of the energy
+// ½ fᵀC f + ½ eᵀK e that tissue and coupling hold.
+TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
+  Sheet s(0.0);
+  s.problem->coupling.damping_time = 0;
+  s.instrument.primitives[0].placement.p = {0.4e-3, 0.2e-3, 0};  // so that there is a torque
+  ContactOptions converged;
+  converged.linearisations = 60;
+  Vec6 wrench;
+  const auto energy = [&](const Pose& X) {
+    Loop loop;
+    loop.options = converged;
+    const ContactSolution out = loop.solve(*s.problem, s.instrument, X);
+    wrench = out.wrench;
+    const VecX f = dense_H(*s.problem, loop.scratch->rows).transpose() *
+                   Eigen::Map<const VecX>(loop.scratch->lambda.data(), loop.scratch->rows.rows());
+    const Vec6 e = difference(X, out.instrument);
+    return 0.5 * f.dot(s.problem->C() * f) + 0.5 * s.problem->coupling.stiffness * e.head<3>().squaredNorm() +
+           0.5 * s.problem->coupling.rotational_stiffness * e.tail<3>().squaredNorm();
+  };
+  const Pose X = Sheet::at(0.3e-3);
+  const double h = 1e-7;
+  Vec6 gradient;
+  for (int c = 0; c < 6; ++c) {
+    const double step = c < 3 ? h : h / 2e-3;
+    gradient[c] = (energy(displaced(X, step * Vec6::Unit(c))) - energy(displaced(X, -step * Vec6::Unit(c)))) / (2 * step);
+  }
+  energy(X);
+  EXPECT_GT(wrench[2], 1e-3);
+  EXPECT_LT((wrench + gradient).head<3>().norm(), 1e-4 * wrench.head<3>().norm());
+  EXPECT_LT((wrench + gradient).tail<3>().norm(), 1e-4 * wrench.head<3>().norm() * 2e-3);
+}
+
+// The simulation solves cold, the haptic loop comes from a history: at equal poses the forces are equal.
+TEST(ContactSolve, TwoLoopsAgreeAtEqualPoses) {
+  Sheet s(0.0);
+  s.problem->coupling.damping_time = 0;
+  Loop haptic, simulation;
+  haptic.options.linearisations = simulation.options.linearisations = 60;
+  for (int tick = 0; tick < 20; ++tick) {
+    const Pose X = Sheet::at(0.4e-3 * std::sin(0.3 * tick), 0.3e-3 * std::cos(0.2 * tick));
+    const Vec6 warm = haptic.solve(*s.problem, s.instrument, X).wrench;
+    simulation.state = {};
+    const Vec6 cold = simulation.solve(*s.problem, s.instrument, X).wrench;
+    EXPECT_LT((warm - cold).norm(), 1e-9 * std::max(cold.norm(), 1e-3)) << tick;
+  }
+}
+
+TEST(ContactSolve, EqualHistoriesGiveEqualForcesWithFriction) {
+  for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+    Sheet s(0.3);
+    s.problem->renewal = renewal;
+    Loop a, b;
+    for (int tick = 0; tick < 50; ++tick) {
+      const Pose X = Sheet::at(0.3e-3, 1e-5 * tick);
+      const Vec6 first = a.solve(*s.problem, s.instrument, X).wrench;
+      EXPECT_LT((first - b.solve(*s.problem, s.instrument, X).wrench).norm(), 1e-9 * first.norm());
+    }
+  }
+}
+
+// Frozen rows are the renewed ones' linearisation: the difference falls with the depth.
+TEST(ContactSolve, FrozenAndRenewedAgreeInTheLimitOfSmallDepth) {
+  for (const double friction : {0.0, 0.3}) {
+    double previous = 0;
+    for (const double depth : {80e-6, 20e-6, 5e-6}) {
+      Sheet s(friction);
+      s.problem->X_ref = Sheet::at(depth);
+      Loop renewed, frozen;
+      renewed.options.linearisations = 30;
+      const Vec6 a = renewed.solve(*s.problem, s.instrument, s.problem->X_ref).wrench;
+      s.problem->renewal = Renewal::frozen;
+      const Vec6 b = frozen.solve(*s.problem, s.instrument, s.problem->X_ref).wrench;
+      const double apart = (a - b).norm() / a.norm();
+      EXPECT_GT(a[2], 0);
+      if (previous > 0) {
+        EXPECT_LT(apart, 0.5 * previous);
+      }
+      previous = apart;
+    }
+    EXPECT_LT(previous, 5e-3);
+  }
+}
+
+// Push down, drag within the cone, hold: the tangential force must not creep.
+TEST(ContactSolve, StickDoesNotCreep) {
+  for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+    Sheet s(0.8);
+    s.problem->renewal = renewal;
+    Loop loop;
+    for (int tick = 0; tick <= 30; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
+    for (int tick = 0; tick <= 20; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 3e-6 * tick));
+    ContactSolution held;
+    for (int tick = 0; tick < 200; ++tick) held = loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 60e-6));
+    EXPECT_LT(held.wrench[0], -1e-4);  // dragged towards +x, pulled back
+    ContactSolution later;
+    for (int tick = 0; tick < 10000; ++tick) later = loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 60e-6));
+    EXPECT_LT((later.wrench - held.wrench).norm(), 1e-9 * held.wrench.norm());
+  }
+}
+
+TEST(ContactSolve, DraggedContactSlidesWithMuTimesNormalForce) {
+  const double mu = 0.25;
+  const auto problem = spring_problem(40, Vec3::Zero(), mu);
+  problem->coupling = {300, 0.0, 0};
+  Primitive plate;  // a wide flat end, so that the normal stays vertical
+  plate.shape = Shape::cylinder;
+  plate.radius = 20e-3;
+  plate.half_length = 1e-3;
+  Instrument instrument;
+  instrument.primitives.push_back(plate);
+  Loop loop;
+  ContactSolution out;
+  for (int tick = 0; tick < 1500; ++tick)
+    out = loop.solve(*problem, instrument, {Vec3(5e-6 * tick, 0, 1e-3 - 0.3e-3), Quat::Identity()});
+  const double normal_force = 0.3e-3 / (1.0 / 40 + 1.0 / 300);
+  EXPECT_NEAR(out.wrench[2], normal_force, 1e-6 * normal_force);
+  EXPECT_NEAR(out.wrench[0], -mu * normal_force, 1e-6 * normal_force);
+  EXPECT_NEAR(out.wrench[1], 0, 1e-6 * normal_force);
+  EXPECT_NEAR(loop.scratch->x[0].x(), mu * normal_force / 40, 1e-6 * 0.3e-3);
+}
+
+// Held below the cone the single spring follows the drag: both springs in series sideways too.
+TEST(ContactSolve, StickingContactPullsLikeTwoSpringsInSeries) {
+  const auto problem = spring_problem(40, Vec3::Zero(), 0.9);
+  problem->coupling = {300, 0.0, 0};
+  Primitive plate;
+  plate.shape = Shape::cylinder;
+  plate.radius = 20e-3;
+  plate.half_length = 1e-3;
+  Instrument instrument;
+  instrument.primitives.push_back(plate);
+  Loop loop;
+  loop.solve(*problem, instrument, {Vec3(0, 0, 1e-3 - 0.3e-3), Quat::Identity()});
+  ContactSolution out;
+  for (int tick = 0; tick <= 100; ++tick)
+    out = loop.solve(*problem, instrument, {Vec3(1e-6 * tick, 0, 1e-3 - 0.3e-3), Quat::Identity()});
+  EXPECT_NEAR(out.wrench[0], -100e-6 / (1.0 / 40 + 1.0 / 300), 1e-8);
+}
+
+TEST(ContactSolve, PenetrationIsLeftOnlyByTheLinearisation) {
+  for (const double friction : {0.0, 0.3}) {
+    const Sheet s(friction);
+    Loop loop;
+    ContactSolution out;
+    for (int tick = 0; tick <= 30; ++tick) out = loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
+    EXPECT_LT(out.penetration, 1e-6);
+    EXPECT_GT(out.active, 3);
+    EXPECT_EQ(out.status, SolveStatus::solved);
+  }
+}
+
+TEST(ContactSolve, NotFinitePoseGivesZeroForceAndForgets) {
+  for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+    Sheet s(0.3);
+    s.problem->renewal = renewal;
+    Loop loop;
+    const Vec6 before = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench;
+    Pose broken = Sheet::at(0.2e-3);
+    broken.p.x() = std::numeric_limits<double>::quiet_NaN();
+    const ContactSolution out = loop.solve(*s.problem, s.instrument, broken);
+    EXPECT_TRUE(out.wrench.isZero(0));
+    loop.state = {};
+    EXPECT_LT((loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench - before).norm(), 1e-9 * before.norm());
+  }
+}
+
+TEST(ContactSolve, AllocatesNothing) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  for (const double friction : {0.0, 0.3})
+    for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+      Sheet s(friction);
+      s.problem->renewal = renewal;
+      Loop loop;
+      int active = 0;
+      long allocations = 0, frees = 0;
+      {
+        const MallocGuard guard;
+        for (int tick = 0; tick < 60; ++tick) {
+          s.problem->step = static_cast<std::uint64_t>(1 + tick / 20);
+          active += loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick, 5e-6 * tick)).active;
+        }
+        allocations = guard.allocations();
+        frees = guard.frees();
+      }
+      EXPECT_GT(active, 100);
+      EXPECT_EQ(allocations, 0);
+      EXPECT_EQ(frees, 0);
+    }
+}
+
+TEST(MallocGuard, CountsNewMallocAndEigenOnThisThread) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  const MallocGuard guard;
+  {
+    const auto boxed = std::make_unique<int>(1);
+    const volatile int seen = *boxed;
+    EXPECT_EQ(seen, 1);
+  }
+  EXPECT_EQ(guard.allocations(), 1);
+  EXPECT_EQ(guard.frees(), 1);
+  const VecX v = VecX::Constant(1000, 1.0);
+  EXPECT_EQ(v.sum(), 1000);
+  EXPECT_EQ(guard.allocations(), 2);
+}
+
+TEST(MallocGuardDeathTest, ForbidEndsTheProcess) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  EXPECT_DEATH(
+      {
+        const MallocGuard guard(MallocGuard::Mode::forbid);
+        const VecX v = VecX::Constant(1000, 1.0);
+        EXPECT_EQ(v.sum(), 1000);
+      },
+      "forbidden");
+}
+
+}  // namespace
+}  // namespace hapticd

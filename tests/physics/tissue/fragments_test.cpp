@@ -1,0 +1,69 @@
+#include "physics/tissue/fragments.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "tests/support/mesh_shapes.h"
+
+namespace hapticd {
+namespace {
+
+const Vec3 size(1e-2, 1e-2, 3e-2);
+const Material soft{3000, 0.45, 1000, 0, 0};
+
+// A column of three cells (2 × 2 × 3), held at the bottom.
+TissueModel column() {
+  TetMesh mesh = box_mesh(size, 2, 2, 3);
+  const std::vector<int> bottom = mesh.group("bottom")->nodes;
+  return make_tissue_model(std::move(mesh), soft, bottom, Vec3::Zero());
+}
+
+std::vector<int> layer(int k) {
+  std::vector<int> tets(24);
+  std::iota(tets.begin(), tets.end(), 24 * k);
+  return tets;
+}
+
+TEST(Fragments, OneBodyIsOneFragment) {
+  const TissueModel model = column();
+  const std::vector<Fragment> fragments = find_fragments(model, rest_state(model));
+  ASSERT_EQ(fragments.size(), 1u);
+  EXPECT_TRUE(fragments[0].held);
+  EXPECT_EQ(static_cast<int>(fragments[0].tets.size()), model.tet_count());
+  EXPECT_NEAR(fragments[0].volume, size.prod(), 1e-12 * size.prod());
+}
+
+TEST(Fragments, RemovingTheMiddleLayerMakesTwo) {
+  const TissueModel model = column();
+  TissueState state = rest_state(model);
+  remove_tets(model, state, layer(1));
+  const std::vector<Fragment> fragments = find_fragments(model, state);
+  const std::vector<int> label = label_fragments(model, state);
+  ASSERT_EQ(fragments.size(), 2u);
+  EXPECT_TRUE(fragments[0].held);
+  EXPECT_FALSE(fragments[1].held);
+  EXPECT_EQ(fragments[0].tets, layer(0));
+  EXPECT_EQ(fragments[1].tets, layer(2));
+  EXPECT_NEAR(fragments[1].volume, size.prod() / 3, 1e-12 * size.prod());
+  for (int t = 0; t < model.tet_count(); ++t) EXPECT_EQ(label[t], t < 24 ? 0 : t < 48 ? -1 : 1);
+}
+
+TEST(Fragments, OneSharedNodeStillJoins) {
+  TetMesh mesh;
+  mesh.nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}, {5, 5, 5}};
+  mesh.tets = {{0, 1, 2, 3}, {0, 4, 6, 5}};
+  ASSERT_GT(signed_volume(mesh.nodes[0], mesh.nodes[4], mesh.nodes[6], mesh.nodes[5]), 0);
+  const TissueModel model = make_tissue_model(std::move(mesh), soft, {}, Vec3::Zero());
+  EXPECT_EQ(find_fragments(model, rest_state(model)).size(), 1u);
+}
+
+TEST(Fragments, NothingLeftIsNoFragment) {
+  const TissueModel model = column();
+  TissueState state = rest_state(model);
+  for (int k = 0; k < 3; ++k) remove_tets(model, state, layer(k));
+  EXPECT_TRUE(find_fragments(model, state).empty());
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,26 @@
+// A subcommand of `haptic`: it declares its options on the application and is run by main if chosen.
+//
+// Exit codes: 0 it did what it says; 1 it could not; 2 wrong usage or input. `run` returns 0 or 1 and throws
+// UsageError or InputError for 2, anything else for 1.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <stdexcept>
+
+namespace hapticd {
+
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct Command {
+  CLI::App* app = nullptr;
+  std::function<int()> run;
+};
+
+Command add_replay(CLI::App& application);
+Command add_hand(CLI::App& application);
+
+}  // namespace hapticd

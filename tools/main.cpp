@@ -1,0 +1,36 @@
+// haptic: what a person does with a running daemon, one subcommand each.
+#include <cstdio>
+#include <exception>
+
+#include "server/input_error.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+
+int main(int argc, char** argv) {
+  using namespace hapticd;
+  CLI::App application{"Clients of hapticd, the haptic server for soft tissue that is being cut."};
+  application.name("haptic");
+  application.require_subcommand(1);
+  application.footer("Example: haptic replay config/scenes/cataract/stroke.csv --json figures.json\n"
+                     "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
+  const Command commands[] = {add_replay(application), add_hand(application)};
+  try {
+    application.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return application.exit(error) == 0 ? 0 : 2;
+  }
+  catch_interrupts();
+  try {
+    for (const Command& command : commands)
+      if (command.app->parsed()) return command.run();
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "haptic: %s\n", error.what());
+    return 2;
+  } catch (const UsageError& error) {
+    std::fprintf(stderr, "haptic: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "haptic: %s\n", error.what());
+  }
+  return 1;
+}

@@ -1,0 +1,185 @@
+#include "tools/session.h"
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <thread>
+
+#include "tools/progress.h"
+
+namespace hapticd {
+namespace {
+
+// A force below this is not contact: well under a device's resolution, well over rounding.
+constexpr double contact_force = 1e-6;
+
+Vec3 force_of(const hapticd_msg_ForceCommand& m) { return {m.force[0], m.force[1], m.force[2]}; }
+
+template <typename F>
+void for_each_answer(const DeviceClient& client, F&& f) {
+  for (std::int64_t k = 0; k < client.book().scheduled(); ++k)
+    if (client.book().answered_ns(k) != 0) f(k, client.answer(k));
+}
+
+double share(std::int64_t part, std::int64_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
+}
+
+}  // namespace
+
+void add_session_options(CLI::App& command, SessionOptions& options) {
+  command.add_option("--domain", options.client.domain, "DDS domain of the daemon")
+      ->check(CLI::Range(0u, 230u))
+      ->capture_default_str();
+  command.add_option("--device-id", options.client.device_id, "the device to be")->capture_default_str();
+  command.add_option("--json", options.json, "write the figures to this file")->type_name("FILE");
+  command.add_option("--forces", options.forces, "write one line per answered slot to this CSV")->type_name("FILE");
+  command.add_option("--snapshots", options.snapshots,
+                     "write each body's surface before and after as BODY_before.vtk, BODY_after.vtk")
+      ->type_name("DIR");
+  command.add_option("--min-answered", options.min_answered, "share of slots below which the run has failed")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command.add_option("--wait", options.client.match_timeout, "how long to wait for a daemon [s]")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+}
+
+void prepare_outputs(const SessionOptions& options) {
+  for (const std::string& file : {options.json, options.forces})
+    if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
+      std::filesystem::create_directories(parent);
+  if (!options.snapshots.empty()) std::filesystem::create_directories(options.snapshots);
+}
+
+Session::Session(const SessionOptions& options, std::int64_t slots)
+    : domain(options.client.domain, default_dds_profile()),
+      participant(domain),
+      monitor(participant, options.client.device_id),
+      client(participant, options.client, slots) {}
+
+void run(Session& session, SlotSource& source, const std::string& what) {
+  Progress progress(what);
+  const auto slots = static_cast<double>(session.client.book().scheduled());
+  bool announced = false;
+  session.client.run(source, [&](std::int64_t reached) {
+    session.monitor.poll();
+    if (reached < 0) {
+      progress.show(0, "arming");
+      return;
+    }
+    if (const Grant& grant = session.client.grant(); !announced && !grant.granted)
+      std::fprintf(stderr, "haptic: %s refused: %s\n", grant.what.c_str(), grant.detail.c_str());
+    announced = true;
+    progress.show(static_cast<double>(reached + 1) / slots,
+                  fixed(session.client.newest_force(), 3) + " N, " +
+                      std::to_string(session.monitor.newest().elements_removed) + " removed");
+  });
+  for (int i = 0; i < 15; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    session.monitor.poll();
+  }
+}
+
+void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json, Table& table) {
+  const DeviceClient& client = session.client;
+  const SlotBook& book = client.book();
+  double peak = 0, penetration = 0;
+  std::int64_t in_contact = 0;
+  std::vector<double> age, wake, solve;
+  for_each_answer(client, [&](std::int64_t, const hapticd_msg_ForceCommand& m) {
+    const double force = force_of(m).norm();
+    peak = std::max(peak, force);
+    penetration = std::max(penetration, static_cast<double>(m.penetration_um));
+    in_contact += force > contact_force;
+    age.push_back(m.state_age_us);
+    wake.push_back(m.wake_us);
+    solve.push_back(m.solve_us);
+  });
+  const StatusRecord status = session.monitor.newest();
+  const Quantiles round_trip = quantiles(book.round_trip_us());
+  const Quantiles late = quantiles(book.lateness_us());
+  const double answered = share(book.answered(), book.scheduled());
+
+  json["domain"] = options.client.domain;
+  json["device_id"] = options.client.device_id;
+  json["scene"] = status.scene;
+  json["complete"] = client.complete();
+  json["slots_scheduled"] = book.scheduled();
+  json["slots_sent"] = book.sent();
+  json["slots_answered"] = book.answered();
+  json["answered_share"] = rounded(answered, 5);
+  json["answers_repeated"] = book.repeats();
+  json["rtt_us"] = to_json(round_trip);
+  json["rtt_from_intended_us"] = to_json(quantiles(book.intended_round_trip_us()));
+  json["send_late_us"] = to_json(late);
+  json["state_age_us"] = to_json(quantiles(age));
+  json["wake_us"] = to_json(quantiles(wake));
+  json["solve_us"] = to_json(quantiles(solve));
+  json["force_peak_n"] = peak;
+  json["penetration_max_um"] = penetration;
+  json["contact_share"] = rounded(share(in_contact, book.answered()), 5);
+  json["status_seen"] = client.status_seen();
+  json["status_seen_text"] = status_text(client.status_seen());
+  json["elements_removed"] = status.elements_removed;
+  json["fragments_aspirated"] = status.fragments_aspirated;
+  json["phase_shift_us"] = rounded(client.phase_shift_us(), 1);
+  json["realtime"] = client.grant().granted;
+
+  table.emplace_back("scene", status.scene.empty() ? "(no status heard)" : status.scene);
+  table.emplace_back("slots scheduled / sent / answered", std::to_string(book.scheduled()) + " / " +
+                                                              std::to_string(book.sent()) + " / " +
+                                                              std::to_string(book.answered()) + "  (" +
+                                                              fixed(100 * answered, 2) + " % answered)");
+  table.emplace_back("round trip", to_text(round_trip, "µs"));
+  table.emplace_back("sent late by", to_text(late, "µs"));
+  table.emplace_back("state age at the tick", to_text(quantiles(age), "µs"));
+  table.emplace_back("force, peak", fixed(peak, 4) + " N");
+  table.emplace_back("in contact", fixed(100 * share(in_contact, book.answered()), 1) + " % of the answers");
+  table.emplace_back("elements removed", std::to_string(status.elements_removed));
+  table.emplace_back("fragments aspirated", std::to_string(status.fragments_aspirated));
+  table.emplace_back("status bits seen", status_text(client.status_seen()));
+  table.emplace_back("client's scheduling", client.grant().granted ? client.grant().what : "ordinary");
+}
+
+std::string forces_csv(const Session& session) {
+  const DeviceClient& client = session.client;
+  std::string text =
+      "t,number,px,py,pz,buttons,fx,fy,fz,tx,ty,tz,status,rtt_us,state_age_us,problem_age_ms,wake_us,solve_us,"
+      "contacts,active,penetration_um,removed\n";
+  for_each_answer(client, [&](std::int64_t k, const hapticd_msg_ForceCommand& m) {
+    const DeviceCommand& sent = client.command(k);
+    const std::int64_t arrived = client.book().answered_ns(k);
+    const double round_trip = 1e-3 * static_cast<double>(arrived - client.book().sent_ns(k));
+    char line[512];
+    const int n = std::snprintf(
+        line, sizeof line, "%.3f,%lld,%.9g,%.9g,%.9g,%u,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%.1f,%.1f,%.2f,%.1f,%.1f,%d,%d,%.2f,%u\n",
+        1e-3 * static_cast<double>(k), static_cast<long long>(k), sent.pose.p.x(), sent.pose.p.y(), sent.pose.p.z(),
+        sent.buttons, m.force[0], m.force[1], m.force[2], m.torque[0], m.torque[1], m.torque[2], m.status, round_trip,
+        double(m.state_age_us), double(m.problem_age_ms), double(m.wake_us), double(m.solve_us), int(m.contacts),
+        int(m.active), double(m.penetration_um), session.monitor.at(arrived).elements_removed);
+    text.append(line, static_cast<std::size_t>(n));
+  });
+  return text;
+}
+
+int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
+           const Table& table) {
+  if (!options.json.empty()) write_json(options.json, json);
+  if (!options.forces.empty()) write_file(options.forces, forces_csv(session));
+  if (!options.snapshots.empty()) session.monitor.write_surfaces(options.snapshots);
+  print(table);
+  const SlotBook& book = session.client.book();
+  if (!session.client.complete()) {
+    std::fprintf(stderr, "haptic: interrupted before the end\n");
+    return 1;
+  }
+  if (const double answered = share(book.answered(), book.scheduled()); answered < options.min_answered) {
+    std::fprintf(stderr, "haptic: only %.1f %% of the slots were answered, %.1f %% are asked for\n", 100 * answered,
+                 100 * options.min_answered);
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,52 @@
+// What the commands that act as a device have in common: their options, their run and their report.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "tools/client.h"
+#include "tools/monitor.h"
+#include "tools/report.h"
+
+namespace hapticd {
+
+struct SessionOptions {
+  ClientSettings client;
+  std::string json;         // empty: none
+  std::string forces;       // CSV; empty: none
+  std::string snapshots;    // directory; empty: none
+  double min_answered = 0.9;
+};
+
+void add_session_options(CLI::App& command, SessionOptions& options);
+
+// Makes the directories of the files that will be written.
+void prepare_outputs(const SessionOptions& options);
+
+// Everything on DDS that a run needs, made before any thread goes SCHED_FIFO.
+struct Session {
+  Domain domain;
+  Participant participant;
+  Monitor monitor;
+  DeviceClient client;
+
+  Session(const SessionOptions& options, std::int64_t slots);
+};
+
+// Runs the source to its end with progress on a terminal, then waits for the last states of the scene.
+void run(Session& session, SlotSource& source, const std::string& what);
+
+// The figures of the run.
+void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json, Table& table);
+
+// One line per answered slot. Columns: t (s since slot 0, intended), number (slot), px py pz and buttons (as
+// sent, device frame, m), fx fy fz (N) tx ty tz (N·m), status, rtt_us (sending to arrival), state_age_us,
+// problem_age_ms, wake_us, solve_us, contacts, active, penetration_um, removed (by the newest status).
+std::string forces_csv(const Session& session);
+
+// Writes the JSON and the other outputs asked for, prints the table, and returns the exit code: 0 if the run
+// is complete and answered as it should be, else 1 with the reason on stderr.
+int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
+           const Table& table);
+
+}  // namespace hapticd
