@@ -1,5 +1,7 @@
 #include "haptic/haptic_step.h"
 
+#include <limits>
+
 namespace hapticd {
 namespace {
 
@@ -35,6 +37,9 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   answer.dropped = static_cast<std::uint32_t>(solution.dropped);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
+  // Its wrench is zero then; said again as NaN, so that it takes the one way that latches.
+  if (solution.status == SolveStatus::not_finite)
+    return {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
   if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   return {force_to_device(device, solution.wrench.head<3>()), torque_to_device(device, solution.wrench.tail<3>())};

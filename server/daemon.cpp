@@ -11,7 +11,7 @@ namespace {
 constexpr int haptic_priority = 80;
 constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
 // Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
-constexpr double haptic_margin = 0.25;  // in alarm distances
+constexpr double haptic_margin = 0.15;  // in alarm distances
 
 int last_core() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())) - 1; }
 

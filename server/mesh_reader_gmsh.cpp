@@ -144,7 +144,8 @@ class GmshReader {
       for (std::uint64_t i = 0; i < n; ++i) numbers.push_back(in_.read_size());
       for (std::uint64_t number : numbers) {
         add_node(number);
-        if (parametric) in_.skip_values(static_cast<std::uint64_t>(std::clamp<std::int64_t>(dimension, 0, 3)));
+        if (parametric)
+          in_.skip_values(static_cast<std::uint64_t>(std::clamp<std::int64_t>(dimension, 0, 3)));
       }
     }
   }

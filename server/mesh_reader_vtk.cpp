@@ -19,8 +19,9 @@ std::string upper(std::string_view text) {
 }
 
 bool is_integer_type(const std::string& type) {
-  static const char* const types[] = {"INT",  "UNSIGNED_INT",  "LONG", "UNSIGNED_LONG", "SHORT", "UNSIGNED_SHORT",
-                                      "CHAR", "UNSIGNED_CHAR", "BIT",  "VTKTYPEINT64",  "VTKIDTYPE"};
+  static const char* const types[] = {"INT",   "UNSIGNED_INT",   "LONG",     "UNSIGNED_LONG",
+                                      "SHORT", "UNSIGNED_SHORT", "CHAR",     "UNSIGNED_CHAR",
+                                      "BIT",   "VTKTYPEINT64",   "VTKIDTYPE"};
   return std::find(std::begin(types), std::end(types), upper(type)) != std::end(types);
 }
 
@@ -57,7 +58,8 @@ class VtkReader {
         on_cells_ = key == "CELL_DATA";
         rows_ = in_.count();
         if (rows_ != (on_cells_ ? cells_.size() : raw_.nodes.size()))
-          throw in_.error("as many values are needed as there are " + std::string(on_cells_ ? "cells" : "points"));
+          throw in_.error("as many values are needed as there are " +
+                          std::string(on_cells_ ? "cells" : "points"));
         in_data_ = true;
       } else if (in_data_) {
         read_attribute(key);
@@ -67,8 +69,9 @@ class VtkReader {
         throw in_.error("this keyword is not known here");
       }
     }
-    for (const auto& [found, name] : {std::pair{!raw_.nodes.empty(), "POINTS"}, std::pair{!cells_.empty(), "CELLS"},
-                                      std::pair{!tet_of_cell_.empty(), "CELL_TYPES"}})
+    for (const auto& [found, name] :
+         {std::pair{!raw_.nodes.empty(), "POINTS"}, std::pair{!cells_.empty(), "CELLS"},
+          std::pair{!tet_of_cell_.empty(), "CELL_TYPES"}})
       if (!found) throw InputError(file_, 0, name, "this section is missing");
     return std::move(raw_);
   }
@@ -157,7 +160,8 @@ class VtkReader {
     }
   }
 
-  void read_array(const std::string& name, const std::string& type, std::uint64_t components, std::uint64_t rows) {
+  void read_array(const std::string& name, const std::string& type, std::uint64_t components,
+                  std::uint64_t rows) {
     if (components != 1 || rows != rows_ || !is_integer_type(type)) return skip(components, rows);
     for (std::uint64_t i = 0; i < rows; ++i) {
       const std::int64_t value = in_.integer();

@@ -9,7 +9,8 @@
 namespace hapticd {
 namespace {
 
-constexpr NumberRange young{0, 1e12, true, false, "Young's modulus in pascals; soft tissue has kilopascals: 3e3"};
+constexpr NumberRange young{0, 1e12, true, false,
+                            "Young's modulus in pascals; soft tissue has kilopascals: 3e3"};
 constexpr NumberRange poisson{-1, 0.5, true, true, "Poisson's ratio; 0.5 would be incompressible"};
 constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; tissue has about 1000"};
 constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
@@ -107,8 +108,9 @@ void read_axis(const YamlMap& yaml, Primitive& primitive) {
 
 Primitive read_convex(const YamlMap& yaml, const std::string& name) {
   if (yaml.has("points") == yaml.has("mesh")) throw yaml.error("points", "either points or mesh is needed");
-  const std::vector<Vec3> points =
-      yaml.has("points") ? yaml.points("points") : read_body_mesh(yaml, yaml.folder() / yaml.text("mesh")).nodes;
+  const std::vector<Vec3> points = yaml.has("points")
+                                       ? yaml.points("points")
+                                       : read_body_mesh(yaml, yaml.folder() / yaml.text("mesh")).nodes;
   try {
     return make_convex(name, points, read_placement(yaml));
   } catch (const std::invalid_argument& e) {
@@ -159,9 +161,10 @@ SceneBody read_body(const YamlMap& yaml) {
   const bool floating = yaml.flag("floating", false);
   if (floating && yaml.has("fixed")) throw yaml.error("floating", "cannot stand beside fixed");
   if (!floating && !yaml.has("fixed"))
-    throw yaml.error("fixed", "is missing: nothing holds this body (name a group of its mesh: " +
-                                  (body.mesh.groups.empty() ? "it has none" : listed(names_of(body.mesh.groups))) +
-                                  "; or say floating: true)");
+    throw yaml.error("fixed",
+                     "is missing: nothing holds this body (name a group of its mesh: " +
+                         (body.mesh.groups.empty() ? "it has none" : listed(names_of(body.mesh.groups))) +
+                         "; or say floating: true)");
   if (!floating) body.fixed_nodes = read_fixed_nodes(yaml, body.mesh);
   return body;
 }

@@ -35,12 +35,14 @@ double mean_edge(const TetMesh& mesh) {
 
 void describe_body(std::string& out, const SceneBody& body) {
   line(out, "body       %s: %s, %zu nodes, %zu tetrahedra, mean edge %.2f mm", body.name.c_str(),
-       body.kind == BodyKind::rigid ? "rigid obstacle" : body.removable ? "deformable, removable" : "deformable",
+       body.kind == BodyKind::rigid ? "rigid obstacle"
+       : body.removable             ? "deformable, removable"
+                                    : "deformable",
        body.mesh.nodes.size(), body.mesh.tets.size(), 1e3 * mean_edge(body.mesh));
   if (body.kind == BodyKind::deformable) {
     const Material& m = body.material;
-    line(out, "           E %.4g Pa, nu %.3g, density %.4g kg/m3, damping alpha %.3g 1/s, beta %.3g s", m.young,
-         m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
+    line(out, "           E %.4g Pa, nu %.3g, density %.4g kg/m3, damping alpha %.3g 1/s, beta %.3g s",
+         m.young, m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
     if (body.fixed_nodes.empty()) line(out, "           floating");
     else line(out, "           %zu fixed nodes", body.fixed_nodes.size());
   }
@@ -49,7 +51,8 @@ void describe_body(std::string& out, const SceneBody& body) {
 
 void describe_primitive(std::string& out, const Primitive& p, bool tip) {
   if (p.shape == Shape::convex)
-    line(out, "           %s: convex, %zu vertices%s", p.name.c_str(), p.vertices.size(), tip ? " (tip)" : "");
+    line(out, "           %s: convex, %zu vertices%s", p.name.c_str(), p.vertices.size(),
+         tip ? " (tip)" : "");
   else if (p.shape == Shape::sphere)
     line(out, "           %s: sphere, radius %.2f mm%s", p.name.c_str(), 1e3 * p.radius, tip ? " (tip)" : "");
   else
@@ -77,8 +80,10 @@ std::string describe(const Scene& scene) {
   line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", scene.coupling.stiffness,
        scene.coupling.rotational_stiffness, 1e3 * scene.coupling.damping_time);
   if (scene.removal.rate > 0)
-    line(out, "removal    %.4g tetrahedra/s, stroke %.2f mm; fragments of up to %d within %.2f mm are aspirated",
-         scene.removal.rate, 1e3 * scene.removal.stroke, scene.removal.aspiration_max_tets, 1e3 * scene.removal.aspiration_reach);
+    line(out,
+         "removal    %.4g tetrahedra/s, stroke %.2f mm; fragments of up to %d within %.2f mm are aspirated",
+         scene.removal.rate, 1e3 * scene.removal.stroke, scene.removal.aspiration_max_tets,
+         1e3 * scene.removal.aspiration_reach);
   const DeviceSettings& d = scene.device;
   line(out, "device     %s: %.3g N, %.3g N m, %.4g N/s, %.3g m/s, workspace radius %.0f mm, %.4g N/m",
        scene.device_name.c_str(), d.max_force, d.max_torque, d.max_force_rate, d.max_speed,

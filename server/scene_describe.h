@@ -12,7 +12,8 @@ namespace hapticd {
 
 std::string describe(const Scene& scene);
 
-// K · position_scale · force_scale of the virtual coupling: the stiffest the device is asked to display [N/m].
+// K · position_scale · force_scale of the virtual coupling: the stiffest the device is asked to display
+// [N/m].
 double felt_stiffness(const Scene& scene);
 
 }  // namespace hapticd

@@ -56,7 +56,8 @@ RemovalSettings read_removal(const YamlMap& yaml) {
 
 void read_device_of(const YamlMap& yaml, const std::string& replacement, Scene& scene) {
   const std::string name = replacement.empty() ? yaml.text("device") : replacement;
-  scene.device_file = device_path(name, replacement.empty() ? yaml.folder() : std::filesystem::current_path());
+  scene.device_file =
+      device_path(name, replacement.empty() ? yaml.folder() : std::filesystem::current_path());
   if (!std::filesystem::is_regular_file(scene.device_file)) {
     const std::string what = "no such file: " + scene.device_file.string() +
                              " (a name from config/devices, or a path)";
@@ -92,7 +93,8 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   for (const YamlMap& entry : yaml.maps("bodies")) {
     SceneBody body = read_body(entry);
     for (const SceneBody& other : scene.bodies)
-      if (other.name == body.name) throw entry.error("name", "'" + body.name + "' is another body's name already");
+      if (other.name == body.name)
+        throw entry.error("name", "'" + body.name + "' is another body's name already");
     scene.bodies.push_back(std::move(body));
   }
 

@@ -7,7 +7,9 @@
 namespace hapticd {
 namespace {
 
-Quat exponential(const Vec3& rotation) { return displaced(Pose{}, (Vec6() << Vec3::Zero(), rotation).finished()).q; }
+Quat exponential(const Vec3& rotation) {
+  return displaced(Pose{}, (Vec6() << Vec3::Zero(), rotation).finished()).q;
+}
 
 // Rotation vector from a to b, in a's axes.
 Vec3 rotation_between(const Quat& a, const Quat& b) {
@@ -79,14 +81,18 @@ Pose sample_at(const Trajectory& trajectory, double t) {
   if (u == 0) return a.pose;
 
   Pose pose;
-  pose.p = v * a.pose.p + u * b.pose.p +
-           h * h / 6 * ((v * v * v - v) * trajectory.acceleration[i] + (u * u * u - u) * trajectory.acceleration[i + 1]);
+  pose.p =
+      v * a.pose.p + u * b.pose.p +
+      h * h / 6 *
+          ((v * v * v - v) * trajectory.acceleration[i] + (u * u * u - u) * trajectory.acceleration[i + 1]);
 
   // Cumulative cubic Bernstein weights, and the three rotations they scale.
   const double b1 = 1 - v * v * v, b2 = u * u * (3 - 2 * u), b3 = u * u * u;
-  const Vec3 first = h / 3 * trajectory.angular_velocity[i], last = h / 3 * trajectory.angular_velocity[i + 1];
+  const Vec3 first = h / 3 * trajectory.angular_velocity[i],
+             last = h / 3 * trajectory.angular_velocity[i + 1];
   const Vec3 middle = rotation_between(a.pose.q * exponential(first), b.pose.q * exponential(-last));
-  pose.q = (a.pose.q * exponential(b1 * first) * exponential(b2 * middle) * exponential(b3 * last)).normalized();
+  pose.q =
+      (a.pose.q * exponential(b1 * first) * exponential(b2 * middle) * exponential(b3 * last)).normalized();
   return pose;
 }
 

@@ -46,9 +46,11 @@ class Parser {
   }
 
   Trajectory finish() {
-    if (columns_.empty()) throw InputError(file_, 0, "", "is empty (the first line names the columns: t,px,py,pz,…)");
+    if (columns_.empty())
+      throw InputError(file_, 0, "", "is empty (the first line names the columns: t,px,py,pz,…)");
     if (samples_.size() < 2)
-      throw InputError(file_, line_, "", "only " + std::to_string(samples_.size()) + " rows: a motion needs two at least");
+      throw InputError(file_, line_, "",
+                       "only " + std::to_string(samples_.size()) + " rows: a motion needs two at least");
     return make_trajectory(std::move(samples_));
   }
 

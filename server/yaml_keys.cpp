@@ -123,7 +123,8 @@ YamlMap YamlMap::map(const std::string& key) const {
 
 std::vector<YamlMap> YamlMap::maps(const std::string& key) const {
   const YAML::Node node = value(key);
-  if (!node.IsSequence() || node.size() == 0) throw error(key, "expected a list (- …) with at least one entry");
+  if (!node.IsSequence() || node.size() == 0)
+    throw error(key, "expected a list (- …) with at least one entry");
   std::vector<YamlMap> result;
   for (std::size_t i = 0; i < node.size(); ++i)
     result.push_back({node[i], file_, path(key) + "[" + std::to_string(i) + "]", line_of(node[i])});

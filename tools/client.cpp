@@ -71,7 +71,8 @@ void DeviceClient::count(const hapticd_msg_ForceCommand& force, std::int64_t now
     if (k < 0) return;
     status_seen_.fetch_or(force.status, std::memory_order_relaxed);
     if (book_.answer(k, now_ns)) answers_[static_cast<std::size_t>(k)] = force;
-  } else if (is_new && force.state_age_us >= 0 && force.echo_number >= ages_since_.load(std::memory_order_acquire)) {
+  } else if (is_new && force.state_age_us >= 0 &&
+             force.echo_number >= ages_since_.load(std::memory_order_acquire)) {
     const std::size_t taken = ages_taken_.load(std::memory_order_relaxed);
     if (taken < age_count) {
       ages_[taken] = force.state_age_us;
@@ -123,7 +124,8 @@ bool DeviceClient::arm(const DeviceCommand& first) noexcept {
       ages_since_.store(number_ + 5, std::memory_order_release);
     }
     const std::uint32_t status = status_.load(std::memory_order_relaxed);
-    const bool armed = !settings_.enable || !(status & (status_disarmed | status_ramping_up | status_latched));
+    const bool armed =
+        !settings_.enable || !(status & (status_disarmed | status_ramping_up | status_latched));
     if (armed && rounds == rounds_of_phase) return true;
     if (interrupted()) return false;
     if (now > until) {
@@ -185,7 +187,8 @@ void DeviceClient::sender(SlotSource& source) noexcept {
     if (k >= 0) last = commands_[static_cast<std::size_t>(k)];
   }
   let_go(last);
-  if (const Stage stage = stage_.load(); stage == Stage::arming || stage == Stage::slots) stage_.store(Stage::ended);
+  if (const Stage stage = stage_.load(); stage == Stage::arming || stage == Stage::slots)
+    stage_.store(Stage::ended);
 }
 
 void DeviceClient::wait_for_daemon() {
@@ -193,8 +196,8 @@ void DeviceClient::wait_for_daemon() {
   while (writer_.matched() == 0 || reader_.matched() == 0) {
     if (interrupted()) return;
     if (monotonic_ns() > until)
-      throw std::runtime_error("no daemon answered in DDS domain " + std::to_string(settings_.domain) + " within " +
-                               std::to_string(static_cast<int>(settings_.match_timeout)) +
+      throw std::runtime_error("no daemon answered in DDS domain " + std::to_string(settings_.domain) +
+                               " within " + std::to_string(static_cast<int>(settings_.match_timeout)) +
                                " s: start one with `hapticd SCENE.yaml --domain " +
                                std::to_string(settings_.domain) + "`, or name its domain with --domain");
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -208,10 +211,11 @@ void DeviceClient::check_end() const {
       throw std::runtime_error("a daemon is there, but sent no force for device " + id +
                                ": is that the scene's device id? (--device-id)");
     case Stage::not_armed:
-      throw std::runtime_error("the daemon did not arm device " + id + ": status " + status_text(status_.load()));
+      throw std::runtime_error("the daemon did not arm device " + id + ": status " +
+                               status_text(status_.load()));
     case Stage::silent:
-      throw std::runtime_error("the daemon fell silent: no force for 2 s, at slot " + std::to_string(reached_.load()) +
-                               " of " + std::to_string(book_.scheduled()));
+      throw std::runtime_error("the daemon fell silent: no force for 2 s, at slot " +
+                               std::to_string(reached_.load()) + " of " + std::to_string(book_.scheduled()));
     default:
       return;
   }
@@ -234,9 +238,10 @@ void DeviceClient::run(SlotSource& source, const std::function<void(std::int64_t
 }
 
 std::string status_text(std::uint32_t status) {
-  static constexpr const char* names[] = {
-      "disarmed", "holding", "ramping_down", "ramping_up", "problem_old", "problem_lost", "gap", "rejected",
-      "latched", "conflict", "saturated", "slew_limited", "not_finite", "solver_cap", "blending", "contacts_dropped"};
+  static constexpr const char* names[] = {"disarmed",    "holding",      "ramping_down", "ramping_up",
+                                          "problem_old", "problem_lost", "gap",          "rejected",
+                                          "latched",     "conflict",     "saturated",    "slew_limited",
+                                          "not_finite",  "solver_cap",   "blending",     "contacts_dropped"};
   std::string text;
   for (std::size_t bit = 0; bit < std::size(names); ++bit)
     if (status >> bit & 1) text += (text.empty() ? "" : ", ") + std::string(names[bit]);

@@ -35,10 +35,10 @@ namespace hapticd {
 struct ClientSettings {
   std::uint32_t domain = 0;
   std::uint32_t device_id = 0;
-  bool enable = true;          // ask for force
-  int fifo_priority = 50;      // below the daemon's loop (80) and Cyclone's threads (70, 60)
-  double match_timeout = 10;   // [s]
-  double arm_timeout = 10;     // [s]
+  bool enable = true;         // ask for force
+  int fifo_priority = 50;     // below the daemon's loop (80) and Cyclone's threads (70, 60)
+  double match_timeout = 10;  // [s]
+  double arm_timeout = 10;    // [s]
 };
 
 // The device's state in one slot, in the device frame [m].
@@ -49,8 +49,8 @@ struct DeviceCommand {
 
 // The newest force there is for a device that acts on it.
 struct NewestForce {
-  Vec3 force = Vec3::Zero();       // [N]
-  std::int64_t arrived_ns = 0;     // 0: none yet
+  Vec3 force = Vec3::Zero();    // [N]
+  std::int64_t arrived_ns = 0;  // 0: none yet
 };
 
 class SlotSource {
@@ -59,7 +59,8 @@ class SlotSource {
   // Held while arming.
   virtual DeviceCommand first() const noexcept = 0;
   // Slot k, at `now`; `fresh`: a force came since the slot before. Called in rising k, not for skipped slots.
-  virtual DeviceCommand at(std::int64_t k, std::int64_t now_ns, const NewestForce& newest, bool fresh) noexcept = 0;
+  virtual DeviceCommand at(std::int64_t k, std::int64_t now_ns, const NewestForce& newest,
+                           bool fresh) noexcept = 0;
 };
 
 class DeviceClient {
@@ -104,7 +105,7 @@ class DeviceClient {
   std::vector<DeviceCommand> commands_;            // sender's until the end
 
   std::atomic<Stage> stage_{Stage::arming};
-  std::atomic<bool> counting_{false};              // the plan stands: the book may be asked
+  std::atomic<bool> counting_{false};  // the plan stands: the book may be asked
   std::atomic<std::uint32_t> status_seen_{0}, status_{status_disarmed};
   std::atomic<std::int64_t> heard_ns_{0}, reached_{-1};
   std::atomic<double> newest_force_{0};
@@ -117,14 +118,14 @@ class DeviceClient {
   std::atomic<std::uint64_t> ages_since_{~std::uint64_t{0}};
   std::uint64_t last_echo_ = 0;
 
-  std::int64_t next_ns_ = 0;      // sender's grid
+  std::int64_t next_ns_ = 0;  // sender's grid
   std::uint64_t number_ = 0;
   double phase_shift_us_ = 0;
   Grant grant_;
   bool complete_ = false;
 
   Writer<hapticd_msg_DeviceState> writer_;
-  Reader<hapticd_msg_ForceCommand> reader_;        // last: its listener uses all of the above
+  Reader<hapticd_msg_ForceCommand> reader_;  // last: its listener uses all of the above
 };
 
 // "ramping_up, saturated" for the bits of a status; "none" for 0.

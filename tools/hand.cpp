@@ -48,7 +48,8 @@ TimedScript press_script(const HandOptions& options) {
   DeviceCommand command;
   const std::vector<double>& q = options.orientation;
   command.pose.q = Quat(q[3], q[0], q[1], q[2]);
-  if (std::abs(command.pose.q.norm() - 1) > 1e-2) throw UsageError("--orientation: must be a unit quaternion x,y,z,w");
+  if (std::abs(command.pose.q.norm() - 1) > 1e-2)
+    throw UsageError("--orientation: must be a unit quaternion x,y,z,w");
   command.pose.q.normalize();
   command.buttons = options.buttons;
   return {{[press](double t) { return target_at(press, t); }, [command](double) { return command; }},
@@ -72,19 +73,22 @@ TimedScript target_script(const HandOptions& options) {
 
 void apply_device(HandOptions& options, const CLI::App& app) {
   if (options.device.empty()) return;
-  const DeviceSettings limits = read_device(device_path(options.device, std::filesystem::current_path())).limits;
+  const DeviceSettings limits =
+      read_device(device_path(options.device, std::filesystem::current_path())).limits;
   if (app.count("--saturation") == 0) options.hand.saturation = limits.max_force;
   if (app.count("--device-id") == 0) options.session.client.device_id = limits.id;
 }
 
-void report_hand(const HandOptions& options, const HandSource& source, nlohmann::ordered_json& json, Table& table) {
+void report_hand(const HandOptions& options, const HandSource& source, nlohmann::ordered_json& json,
+                 Table& table) {
   const HandFigures& f = source.figures();
   const double n = f.substeps > 0 ? static_cast<double>(f.substeps) : 1;
   const double force_rms = std::sqrt(f.force_square_sum / n), error_rms = std::sqrt(f.error_square_sum / n);
   const HandSettings& h = options.hand;
-  json["hand"] = {{"mass_kg", h.mass},           {"stiffness_n_m", h.stiffness}, {"damping_ns_m", h.damping},
-                  {"device_damping_ns_m", h.device_damping}, {"friction_n", h.friction}, {"quantum_um", 1e6 * h.quantum},
-                  {"delay_ms", 1e3 * h.delay},   {"saturation_n", h.saturation}};
+  json["hand"] = {{"mass_kg", h.mass},         {"stiffness_n_m", h.stiffness},
+                  {"damping_ns_m", h.damping}, {"device_damping_ns_m", h.device_damping},
+                  {"friction_n", h.friction},  {"quantum_um", 1e6 * h.quantum},
+                  {"delay_ms", 1e3 * h.delay}, {"saturation_n", h.saturation}};
   json["applied_force_peak_n"] = f.force_max;
   json["applied_force_rms_n"] = force_rms;
   json["position_error_rms_m"] = error_rms;
@@ -92,9 +96,10 @@ void report_hand(const HandOptions& options, const HandSource& source, nlohmann:
   // Sign: energy that the server took in through the device's port; below zero it gave more than it took.
   json["energy_absorbed_j"] = f.passivity.energy;
   json["energy_absorbed_min_j"] = f.passivity.minimum;
-  table.emplace_back("applied force", "peak " + fixed(f.force_max, 4) + ", RMS " + fixed(force_rms, 4) + " N");
-  table.emplace_back("hand off its target", "RMS " + fixed(1e3 * error_rms, 3) + ", max " +
-                                                fixed(1e3 * f.error_max, 3) + " mm");
+  table.emplace_back("applied force",
+                     "peak " + fixed(f.force_max, 4) + ", RMS " + fixed(force_rms, 4) + " N");
+  table.emplace_back("hand off its target",
+                     "RMS " + fixed(1e3 * error_rms, 3) + ", max " + fixed(1e3 * f.error_max, 3) + " mm");
   table.emplace_back("energy the server took in", fixed(1e3 * f.passivity.energy, 4) + " mJ, least " +
                                                       fixed(1e3 * f.passivity.minimum, 4) +
                                                       " mJ (below 0: it made energy)");
@@ -132,7 +137,8 @@ int hand(HandOptions& options, const CLI::App& app) {
 Command add_hand(CLI::App& application) {
   auto options = std::make_shared<HandOptions>();
   CLI::App* app = application.add_subcommand(
-      "hand", "A simulated hand on a simulated device: mass, damping and a spring to a target, closed over DDS.");
+      "hand",
+      "A simulated hand on a simulated device: mass, damping and a spring to a target, closed over DDS.");
   const auto number = [&](const char* name, double& value, const char* text) {
     app->add_option(name, value, text)->check(CLI::NonNegativeNumber)->capture_default_str();
   };
@@ -146,11 +152,9 @@ Command add_hand(CLI::App& application) {
   number("--saturation", options->hand.saturation, "largest force of the motors [N], 0: unlimited");
   app->add_option("--device", options->device, "saturation and id of this device (config/devices)")
       ->type_name("NAME|FILE");
-  CLI::Option* target = app->add_option("--target", options->target, "the hand follows this CSV")->type_name("FILE");
-  app->add_option("--units", options->units, "length unit of the target file")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, LengthUnit>{{"m", LengthUnit::metre}, {"mm", LengthUnit::millimetre}}))
-      ->type_name("m|mm");
+  CLI::Option* target =
+      app->add_option("--target", options->target, "the hand follows this CSV")->type_name("FILE");
+  add_units_option(*app, options->units, "length unit of the target file");
   app->add_option("--press", options->press, "the hand presses: depth [m], speed [m/s], hold [s]")
       ->delimiter(',')
       ->expected(1, 3)
@@ -175,8 +179,10 @@ Command add_hand(CLI::App& application) {
   app->add_option("--duration", options->duration, "of the run [s], default: the script's")
       ->check(CLI::Range(0.001, 3600.0));
   add_session_options(*app, options->session);
-  app->footer("Energy is counted at the device's port and positive where the server took it in.\n"
-              "Example: haptic hand --device touch --press 0.02,0.02,1 --at 0,0,0.02 --quantum 55 --json figures.json");
+  app->footer(
+      "Energy is counted at the device's port and positive where the server took it in.\n"
+      "Example: haptic hand --device touch --press 0.02,0.02,1 --at 0,0,0.02 --quantum 55 --json "
+      "figures.json");
   return {app, [app, options] { return hand(*options, *app); }};
 }
 

@@ -11,8 +11,9 @@ void check(const HandSettings& hand) {
   for (const double value : {hand.stiffness, hand.damping, hand.device_damping, hand.friction, hand.quantum,
                              hand.delay, hand.saturation})
     if (!(value >= 0) || !std::isfinite(value))
-      throw std::invalid_argument("the hand's stiffness, damping, friction, quantum, delay and saturation "
-                                  "must be finite and not negative");
+      throw std::invalid_argument(
+          "the hand's stiffness, damping, friction, quantum, delay and saturation "
+          "must be finite and not negative");
   if (hand.delay > 0.5) throw std::invalid_argument("a force delay above 0.5 s is not supported");
 }
 

@@ -17,14 +17,14 @@
 namespace hapticd {
 
 struct HandSettings {
-  double mass = 0.1;             // of hand and device as felt at the stylus [kg]
-  double stiffness = 300;        // of the grip [N/m]
-  double damping = 4;            // of the grip [N·s/m]
-  double device_damping = 0.1;   // of the mechanism, against rest [N·s/m]
-  double friction = 0;           // Coulomb, of the mechanism [N]
-  double quantum = 0;            // of the encoder [m]; 0: continuous
-  double delay = 0;              // between a force's arrival and its effect [s]
-  double saturation = 0;         // the motors' largest force [N]; 0: unlimited
+  double mass = 0.1;            // of hand and device as felt at the stylus [kg]
+  double stiffness = 300;       // of the grip [N/m]
+  double damping = 4;           // of the grip [N·s/m]
+  double device_damping = 0.1;  // of the mechanism, against rest [N·s/m]
+  double friction = 0;          // Coulomb, of the mechanism [N]
+  double quantum = 0;           // of the encoder [m]; 0: continuous
+  double delay = 0;             // between a force's arrival and its effect [s]
+  double saturation = 0;        // the motors' largest force [N]; 0: unlimited
 };
 
 struct HandState {
@@ -71,8 +71,8 @@ class ForceDelay {
 // Passivity observer on the device's port: E = −∫ F·v dt, the energy the server has taken in so far.
 // Sign: E ≥ 0 at all times means that the server was passive on this path; −E is energy it made.
 struct PassivityObserver {
-  double energy = 0;    // [J]
-  double minimum = 0;   // [J]
+  double energy = 0;   // [J]
+  double minimum = 0;  // [J]
   void add(const Vec3& force, const Vec3& displacement) noexcept {
     energy -= force.dot(displacement);
     if (energy < minimum) minimum = energy;

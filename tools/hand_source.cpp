@@ -19,7 +19,8 @@ DeviceCommand HandSource::measured() const noexcept {
   return command;
 }
 
-DeviceCommand HandSource::at(std::int64_t k, std::int64_t now_ns, const NewestForce& newest, bool fresh) noexcept {
+DeviceCommand HandSource::at(std::int64_t k, std::int64_t now_ns, const NewestForce& newest,
+                             bool fresh) noexcept {
   if (zero_ns_ == 0) zero_ns_ = now_ns - k * 1'000'000;
   if (fresh) delay_.push(newest.arrived_ns, newest.force);
   while (reached_ < k) advance_one_slot(zero_ns_ + reached_ * 1'000'000);
@@ -30,7 +31,8 @@ void HandSource::advance_one_slot(std::int64_t slot_ns) noexcept {
   const double h = 1e-3 / substeps_;
   for (int i = 0; i < substeps_; ++i) {
     const double part = static_cast<double>(i) / substeps_;
-    const Vec3 force = saturated(delay_.at(slot_ns + static_cast<std::int64_t>(1e6 * part)), hand_.saturation);
+    const Vec3 force =
+        saturated(delay_.at(slot_ns + static_cast<std::int64_t>(1e6 * part)), hand_.saturation);
     const HandTarget target = script_.target(1e-3 * (static_cast<double>(reached_) + part));
     const Vec3 before = state_.x;
     state_ = advanced(hand_, state_, target, force, h);

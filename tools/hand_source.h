@@ -20,10 +20,10 @@ struct HandScript {
 };
 
 struct HandFigures {
-  double force_square_sum = 0;   // of the applied force, per substep [N²]
-  double error_square_sum = 0;   // of x − x_target, per substep [m²]
-  double error_max = 0;          // [m]
-  double force_max = 0;          // applied [N]
+  double force_square_sum = 0;  // of the applied force, per substep [N²]
+  double error_square_sum = 0;  // of x − x_target, per substep [m²]
+  double error_max = 0;         // [m]
+  double force_max = 0;         // applied [N]
   std::int64_t substeps = 0;
   PassivityObserver passivity;
 };
@@ -34,7 +34,8 @@ class HandSource final : public SlotSource {
   HandSource(const HandSettings& hand, HandScript script, int substeps);
 
   DeviceCommand first() const noexcept override { return measured(); }
-  DeviceCommand at(std::int64_t k, std::int64_t now_ns, const NewestForce& newest, bool fresh) noexcept override;
+  DeviceCommand at(std::int64_t k, std::int64_t now_ns, const NewestForce& newest,
+                   bool fresh) noexcept override;
 
   const HandFigures& figures() const noexcept { return figures_; }
   const HandState& state() const noexcept { return state_; }
@@ -49,8 +50,8 @@ class HandSource final : public SlotSource {
   HandState state_;
   ForceDelay delay_;
   HandFigures figures_;
-  std::int64_t reached_ = 0;      // slot that state_ belongs to
-  std::int64_t zero_ns_ = 0;      // client's clock at slot 0; 0: not begun
+  std::int64_t reached_ = 0;  // slot that state_ belongs to
+  std::int64_t zero_ns_ = 0;  // client's clock at slot 0; 0: not begun
 };
 
 }  // namespace hapticd

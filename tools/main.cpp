@@ -11,8 +11,9 @@ int main(int argc, char** argv) {
   CLI::App application{"Clients of hapticd, the haptic server for soft tissue that is being cut."};
   application.name("haptic");
   application.require_subcommand(1);
-  application.footer("Example: haptic replay config/scenes/cataract/stroke.csv --json figures.json\n"
-                     "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
+  application.footer(
+      "Example: haptic replay config/scenes/cataract/stroke.csv --json figures.json\n"
+      "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
   const Command commands[] = {add_replay(application), add_hand(application)};
   try {
     application.parse(argc, argv);

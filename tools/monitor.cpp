@@ -31,8 +31,8 @@ Monitor::Monitor(const Participant& participant, std::uint32_t device_id)
 void Monitor::poll() {
   status_.take_each([this](const hapticd_msg_ServerStatus& m, const dds_sample_info_t&) {
     if (m.device_id != device_id_) return;
-    statuses_.push_back({monotonic_ns(), m.elements_removed, m.fragments_aspirated, m.haptic_rate_hz, m.sim_rate_hz,
-                         m.scene ? m.scene : ""});
+    statuses_.push_back({monotonic_ns(), m.elements_removed, m.fragments_aspirated, m.haptic_rate_hz,
+                         m.sim_rate_hz, m.scene ? m.scene : ""});
   });
   geometry_.take_each([this](const hapticd_msg_SceneGeometry& m, const dds_sample_info_t&) {
     Body& body = bodies_[m.body];
@@ -63,13 +63,15 @@ std::vector<std::filesystem::path> Monitor::write_surfaces(const std::filesystem
   for (const auto& [id, body] : bodies_) {
     if (body.mesh.tets.empty()) continue;
     for (const auto& [when, state] : {std::pair("before", &body.first), std::pair("after", &body.newest)}) {
-      const std::vector<Vec3>& nodes = state->nodes.size() == body.mesh.nodes.size() ? state->nodes : body.mesh.nodes;
+      const std::vector<Vec3>& nodes =
+          state->nodes.size() == body.mesh.nodes.size() ? state->nodes : body.mesh.nodes;
       const DisplaySurface surface = display_surface(body.mesh, nodes, state->alive);
       files.push_back(directory / (as_file_name(body.name) + "_" + when + ".vtk"));
       write_file(files.back().string(), to_vtk(surface, body.name + " " + when + ", metres"));
     }
   }
-  if (files.empty()) throw std::runtime_error("the daemon published no scene geometry: no surface can be written");
+  if (files.empty())
+    throw std::runtime_error("the daemon published no scene geometry: no surface can be written");
   return files;
 }
 

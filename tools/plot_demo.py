@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 """Draws the demonstration: force.png, latency.png and lens.png.
 
-Reads forces.csv, daemon.json, BODY_before.vtk and BODY_after.vtk from DIR and writes the pictures there.
+Reads forces.csv, daemon.json, BODY_before.vtk and BODY_after.vtk from DIRECTORY and writes the pictures
+there. Histograms are daemon.json's wake_histogram and solve_histogram, [[upper edge in us, count], ...];
+where it has none, they are counted from the answered slots in forces.csv.
 Example: tools/plot_demo.py build/demo --body lens
 """
 import argparse
@@ -58,7 +60,7 @@ def plot_force(forces, path):
     removed = forces["removed"]
     at = np.flatnonzero(np.diff(removed) > 0) + 1
     if len(at):
-        axes.plot(t[at], np.full(len(at), -0.035 * size.max()), "|", color=ACCENT, ms=7, mew=1.0, clip_on=False,
+        axes.plot(t[at], np.full(len(at), -0.035 * size.max()), "|", color=ACCENT, ms=7, mew=1.0,
                   label=f"elements removed ({int(removed[-1])} in all)")
     axes.set_xlabel("time [s]")
     axes.set_ylabel("force [N]")
@@ -70,7 +72,7 @@ def plot_force(forces, path):
 
 
 def log_bins(histogram, per_decade=12):
-    """[[upper µs, count], ...] gathered in bars that are equally wide on a log axis, as shares in per cent."""
+    """[[upper µs, count], ...] gathered in bars equally wide on a log axis, as shares in per cent."""
     upper = np.array([row[0] for row in histogram], float)
     count = np.array([row[1] for row in histogram], float)
     keep = count > 0
@@ -83,10 +85,20 @@ def log_bins(histogram, per_decade=12):
     return edges, 100 * bars / count.sum()
 
 
-def plot_latency(daemon, path):
+def histogram_of(daemon, forces, key):
+    if f"{key}_histogram" in daemon:
+        return daemon[f"{key}_histogram"]
+    times = forces[f"{key}_us"]
+    if key == "solve":
+        times = times[forces["contacts"] > 0]
+    return [[time, 1] for time in times]
+
+
+def plot_latency(daemon, forces, path):
     figure, both = plt.subplots(1, 2, figsize=(9, 3.4), constrained_layout=True)
-    for axes, key, title in zip(both, ("wake", "solve"), ("wake-up, late by", "haptic step, contact solve included")):
-        edges, share = log_bins(daemon.get(f"{key}_histogram", []))
+    titles = (("wake", "wake-up, late by"), ("solve", "haptic step, contact solve included"))
+    for axes, (key, title) in zip(both, titles):
+        edges, share = log_bins(histogram_of(daemon, forces, key))
         axes.bar(edges[:-1], share, width=np.diff(edges), align="edge", color=GREY, edgecolor="white", lw=0.5)
         axes.set_xscale("log")
         axes.set_xlabel("time [µs]")
@@ -105,9 +117,9 @@ def plot_latency(daemon, path):
                           color=ACCENT, fontsize=8, va="center", bbox=LABEL_BOX)
         axes.axvline(1000, color=INK, lw=0.9, ls=":")
         left, right = axes.get_xlim()
-        axes.set_xlim(left, max(right, 10000))
-        axes.annotate("1 ms period", (1000, 0.62 * top), xytext=(3, 0), textcoords="offset points", fontsize=8,
-                      color=INK, va="center", bbox=LABEL_BOX)
+        axes.set_xlim(left, max(right, 10000, 5 * (figures.get("max") or 0)))
+        axes.annotate("1 ms period", (1000, 0.62 * top), xytext=(3, 0), textcoords="offset points",
+                      fontsize=8, color=INK, va="center", bbox=LABEL_BOX)
     both[0].set_ylabel("share of ticks [%]")
     figure.savefig(path)
     plt.close(figure)
@@ -175,17 +187,20 @@ def plot_lens(before, after, path):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", type=pathlib.Path)
     parser.add_argument("--body", default="lens", help="the body whose surface is drawn (default: lens)")
     given = parser.parse_args()
     directory = given.directory
     style()
     try:
-        plot_force(read_forces(directory / "forces.csv"), directory / "force.png")
-        plot_latency(json.loads((directory / "daemon.json").read_text()), directory / "latency.png")
-        plot_lens(read_vtk(directory / f"{given.body}_before.vtk"), read_vtk(directory / f"{given.body}_after.vtk"),
-                  directory / "lens.png")
+        forces = read_forces(directory / "forces.csv")
+        plot_force(forces, directory / "force.png")
+        daemon = json.loads((directory / "daemon.json").read_text())
+        plot_latency(daemon, forces, directory / "latency.png")
+        before, after = (read_vtk(directory / f"{given.body}_{when}.vtk") for when in ("before", "after"))
+        plot_lens(before, after, directory / "lens.png")
     except (OSError, KeyError, ValueError) as error:
         print(f"plot_demo.py: {error}", file=sys.stderr)
         return 2

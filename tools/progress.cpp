@@ -31,7 +31,8 @@ void Progress::show(double fraction, const std::string& detail) {
   constexpr std::size_t width = 30;
   const auto filled = static_cast<std::size_t>(width * std::clamp(fraction, 0.0, 1.0));
   const std::string bar = std::string(filled, '#') + std::string(width - filled, '.');
-  std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%  %s", what_.c_str(), bar.c_str(), 100 * fraction, detail.c_str());
+  std::fprintf(stderr, "\r\033[K%s [%s] %3.0f %%  %s", what_.c_str(), bar.c_str(), 100 * fraction,
+               detail.c_str());
   std::fflush(stderr);
 }
 

@@ -21,7 +21,8 @@ Trajectory scaled(const Trajectory& recording, double scale) {
 }
 
 Trajectory from_scene(const DeviceSettings& device, const Trajectory& recording) {
-  if (!(device.position_scale > 0)) throw std::invalid_argument("the device's position scale must be positive");
+  if (!(device.position_scale > 0))
+    throw std::invalid_argument("the device's position scale must be positive");
   std::vector<TrajectorySample> samples = recording.samples;
   for (TrajectorySample& s : samples) {
     s.pose.p = device.frame.conjugate() * (s.pose.p - device.origin) / device.position_scale;

@@ -35,11 +35,14 @@ class ReplaySource final : public SlotSource {
     return command_at(t, buttons_at(trajectory_, t));
   }
   std::int64_t slots() const noexcept {
-    return 1 + static_cast<std::int64_t>(std::floor(1e3 * (trajectory_.end() - trajectory_.begin()) / speed_ + 1e-6));
+    return 1 + static_cast<std::int64_t>(
+                   std::floor(1e3 * (trajectory_.end() - trajectory_.begin()) / speed_ + 1e-6));
   }
 
  private:
-  DeviceCommand command_at(double t, std::uint32_t buttons) const noexcept { return {sample_at(trajectory_, t), buttons}; }
+  DeviceCommand command_at(double t, std::uint32_t buttons) const noexcept {
+    return {sample_at(trajectory_, t), buttons};
+  }
 
   const Trajectory& trajectory_;
   double speed_;
@@ -60,8 +63,8 @@ int replay(ReplayOptions& options, bool device_id_given) {
   const Trajectory trajectory = read(options, device_id_given);
   const double duration = (trajectory.end() - trajectory.begin()) / options.speed;
   if (duration > max_duration)
-    throw UsageError(options.file + ": lasts " + fixed(duration, 0) + " s; at most " + fixed(max_duration, 0) +
-                     " s can be replayed in one run");
+    throw UsageError(options.file + ": lasts " + fixed(duration, 0) + " s; at most " +
+                     fixed(max_duration, 0) + " s can be replayed in one run");
   options.session.client.enable = !options.no_enable;
   prepare_outputs(options.session);
 
@@ -87,12 +90,10 @@ int replay(ReplayOptions& options, bool device_id_given) {
 Command add_replay(CLI::App& application) {
   auto options = std::make_shared<ReplayOptions>();
   CLI::App* app = application.add_subcommand(
-      "replay", "Plays a CSV recording as a device at 1 kHz, by the file's own time stamps, and times the answers.");
+      "replay",
+      "Plays a CSV recording as a device at 1 kHz, by the file's own time stamps, and times the answers.");
   app->add_option("FILE", options->file, "CSV: t,px,py,pz,qx,qy,qz,qw[,buttons]")->required()->type_name("");
-  app->add_option("--units", options->units, "length unit of the file")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, LengthUnit>{{"m", LengthUnit::metre}, {"mm", LengthUnit::millimetre}}))
-      ->type_name("m|mm");
+  add_units_option(*app, options->units, "length unit of the file");
   CLI::Option* centre = app->add_flag("--centre,--center", options->centre,
                                       "put the recording's mean position at the device's origin");
   app->add_option("--scale", options->scale, "scale the positions, after centring")
@@ -107,8 +108,9 @@ Command add_replay(CLI::App& application) {
       ->capture_default_str();
   app->add_flag("--no-enable", options->no_enable, "do not ask for force");
   add_session_options(*app, options->session);
-  app->footer("Positions are in the device's frame, as recorded, unless --centre, --scale or --from-scene map them.\n"
-              "Example: haptic replay ../shared/data/trajectories/cataract_training_01.csv --json figures.json");
+  app->footer(
+      "Positions are in the device's frame, as recorded, unless --centre, --scale or --from-scene map them.\n"
+      "Example: haptic replay ../shared/data/trajectories/cataract_training_01.csv --json figures.json");
   return {app, [app, options] { return replay(*options, app->count("--device-id") > 0); }};
 }
 

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <thread>
 
 #include "tools/progress.h"
@@ -33,16 +34,28 @@ void add_session_options(CLI::App& command, SessionOptions& options) {
       ->capture_default_str();
   command.add_option("--device-id", options.client.device_id, "the device to be")->capture_default_str();
   command.add_option("--json", options.json, "write the figures to this file")->type_name("FILE");
-  command.add_option("--forces", options.forces, "write one line per answered slot to this CSV")->type_name("FILE");
-  command.add_option("--snapshots", options.snapshots,
-                     "write each body's surface before and after as BODY_before.vtk, BODY_after.vtk")
+  command.add_option("--forces", options.forces, "write one line per answered slot to this CSV")
+      ->type_name("FILE");
+  command
+      .add_option("--snapshots", options.snapshots,
+                  "write each body's surface before and after as BODY_before.vtk, BODY_after.vtk")
       ->type_name("DIR");
   command.add_option("--min-answered", options.min_answered, "share of slots below which the run has failed")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
+  command.add_option("--arm-wait", options.client.arm_timeout, "how long to wait for its force [s]")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
   command.add_option("--wait", options.client.match_timeout, "how long to wait for a daemon [s]")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
+}
+
+void add_units_option(CLI::App& command, LengthUnit& units, const std::string& text) {
+  const std::map<std::string, LengthUnit> names{{"m", LengthUnit::metre}, {"mm", LengthUnit::millimetre}};
+  command.add_option("--units", units, text)
+      ->transform(CLI::CheckedTransformer(names).description(""))
+      ->type_name("m|mm");
 }
 
 void prepare_outputs(const SessionOptions& options) {
@@ -81,7 +94,8 @@ void run(Session& session, SlotSource& source, const std::string& what) {
   }
 }
 
-void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json, Table& table) {
+void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json,
+            Table& table) {
   const DeviceClient& client = session.client;
   const SlotBook& book = client.book();
   double peak = 0, penetration = 0;
@@ -127,10 +141,9 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
   json["realtime"] = client.grant().granted;
 
   table.emplace_back("scene", status.scene.empty() ? "(no status heard)" : status.scene);
-  table.emplace_back("slots scheduled / sent / answered", std::to_string(book.scheduled()) + " / " +
-                                                              std::to_string(book.sent()) + " / " +
-                                                              std::to_string(book.answered()) + "  (" +
-                                                              fixed(100 * answered, 2) + " % answered)");
+  table.emplace_back("slots scheduled / sent / answered",
+                     std::to_string(book.scheduled()) + " / " + std::to_string(book.sent()) + " / " +
+                         std::to_string(book.answered()) + "  (" + fixed(100 * answered, 2) + " % answered)");
   table.emplace_back("round trip", to_text(round_trip, "µs"));
   table.emplace_back("sent late by", to_text(late, "µs"));
   table.emplace_back("state age at the tick", to_text(quantiles(age), "µs"));
@@ -145,19 +158,23 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
 std::string forces_csv(const Session& session) {
   const DeviceClient& client = session.client;
   std::string text =
-      "t,number,px,py,pz,buttons,fx,fy,fz,tx,ty,tz,status,rtt_us,state_age_us,problem_age_ms,wake_us,solve_us,"
+      "t,number,px,py,pz,buttons,fx,fy,fz,tx,ty,tz,status,rtt_us,state_age_us,problem_age_ms,wake_us,solve_"
+      "us,"
       "contacts,active,penetration_um,removed\n";
   for_each_answer(client, [&](std::int64_t k, const hapticd_msg_ForceCommand& m) {
     const DeviceCommand& sent = client.command(k);
     const std::int64_t arrived = client.book().answered_ns(k);
     const double round_trip = 1e-3 * static_cast<double>(arrived - client.book().sent_ns(k));
     char line[512];
-    const int n = std::snprintf(
-        line, sizeof line, "%.3f,%lld,%.9g,%.9g,%.9g,%u,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%.1f,%.1f,%.2f,%.1f,%.1f,%d,%d,%.2f,%u\n",
-        1e-3 * static_cast<double>(k), static_cast<long long>(k), sent.pose.p.x(), sent.pose.p.y(), sent.pose.p.z(),
-        sent.buttons, m.force[0], m.force[1], m.force[2], m.torque[0], m.torque[1], m.torque[2], m.status, round_trip,
-        double(m.state_age_us), double(m.problem_age_ms), double(m.wake_us), double(m.solve_us), int(m.contacts),
-        int(m.active), double(m.penetration_um), session.monitor.at(arrived).elements_removed);
+    const int n =
+        std::snprintf(line, sizeof line,
+                      "%.3f,%lld,%.9g,%.9g,%.9g,%u,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%.1f,%.1f,%.2f,%.1f,%.1f,"
+                      "%d,%d,%.2f,%u\n",
+                      1e-3 * static_cast<double>(k), static_cast<long long>(k), sent.pose.p.x(),
+                      sent.pose.p.y(), sent.pose.p.z(), sent.buttons, m.force[0], m.force[1], m.force[2],
+                      m.torque[0], m.torque[1], m.torque[2], m.status, round_trip, double(m.state_age_us),
+                      double(m.problem_age_ms), double(m.wake_us), double(m.solve_us), int(m.contacts),
+                      int(m.active), double(m.penetration_um), session.monitor.at(arrived).elements_removed);
     text.append(line, static_cast<std::size_t>(n));
   });
   return text;
@@ -175,8 +192,8 @@ int finish(const Session& session, const SessionOptions& options, const nlohmann
     return 1;
   }
   if (const double answered = share(book.answered(), book.scheduled()); answered < options.min_answered) {
-    std::fprintf(stderr, "haptic: only %.1f %% of the slots were answered, %.1f %% are asked for\n", 100 * answered,
-                 100 * options.min_answered);
+    std::fprintf(stderr, "haptic: only %.1f %% of the slots were answered, %.1f %% are asked for\n",
+                 100 * answered, 100 * options.min_answered);
     return 1;
   }
   return 0;

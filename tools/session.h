@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "server/trajectory_reader.h"
 #include "tools/client.h"
 #include "tools/monitor.h"
 #include "tools/report.h"
@@ -12,13 +13,14 @@ namespace hapticd {
 
 struct SessionOptions {
   ClientSettings client;
-  std::string json;         // empty: none
-  std::string forces;       // CSV; empty: none
-  std::string snapshots;    // directory; empty: none
+  std::string json;       // empty: none
+  std::string forces;     // CSV; empty: none
+  std::string snapshots;  // directory; empty: none
   double min_answered = 0.9;
 };
 
 void add_session_options(CLI::App& command, SessionOptions& options);
+void add_units_option(CLI::App& command, LengthUnit& units, const std::string& text);
 
 // Makes the directories of the files that will be written.
 void prepare_outputs(const SessionOptions& options);
@@ -37,7 +39,8 @@ struct Session {
 void run(Session& session, SlotSource& source, const std::string& what);
 
 // The figures of the run.
-void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json, Table& table);
+void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json,
+            Table& table);
 
 // One line per answered slot. Columns: t (s since slot 0, intended), number (slot), px py pz and buttons (as
 // sent, device frame, m), fx fy fz (N) tx ty tz (N·m), status, rtt_us (sending to arrival), state_age_us,

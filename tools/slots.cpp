@@ -70,8 +70,8 @@ double phase_shift_us(const std::vector<double>& ages_us, double period_us) noex
     c += std::cos(turn * age);
   }
   if (s == 0 && c == 0) return 0;
-  const double age = std::atan2(s, c) / turn;          // in (−period/2, period/2]
-  const double shift = age - 0.5 * period_us;          // an older state than wanted: send later
+  const double age = std::atan2(s, c) / turn;  // in (−period/2, period/2]
+  const double shift = age - 0.5 * period_us;  // an older state than wanted: send later
   return shift <= -0.5 * period_us ? shift + period_us : shift;
 }
 

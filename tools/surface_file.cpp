@@ -6,7 +6,8 @@
 
 namespace hapticd {
 
-DisplaySurface display_surface(const TetMesh& mesh, std::span<const Vec3> nodes, std::span<const std::uint8_t> alive) {
+DisplaySurface display_surface(const TetMesh& mesh, std::span<const Vec3> nodes,
+                               std::span<const std::uint8_t> alive) {
   BoundarySurface boundary(mesh);
   std::vector<int> removed;
   for (std::size_t t = 0; t < mesh.tets.size() && t / 8 < alive.size(); ++t)
@@ -34,7 +35,8 @@ DisplaySurface display_surface(const TetMesh& mesh, std::span<const Vec3> nodes,
 std::string to_vtk(const DisplaySurface& surface, const std::string& title) {
   const std::string triangles = std::to_string(surface.triangles.size());
   std::string text = "# vtk DataFile Version 3.0\n" + title.substr(0, title.find('\n')) +
-                     "\nASCII\nDATASET POLYDATA\nPOINTS " + std::to_string(surface.points.size()) + " double\n";
+                     "\nASCII\nDATASET POLYDATA\nPOINTS " + std::to_string(surface.points.size()) +
+                     " double\n";
   char line[96];
   for (const Vec3& p : surface.points) {
     std::snprintf(line, sizeof line, "%.9g %.9g %.9g\n", p.x(), p.y(), p.z());

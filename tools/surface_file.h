@@ -22,7 +22,8 @@ struct DisplaySurface {
 
 // alive: 1 bit per tetrahedron, least significant first; empty: all alive.
 // Throws std::invalid_argument when the mesh is no mesh (a face with three tetrahedra).
-DisplaySurface display_surface(const TetMesh& mesh, std::span<const Vec3> nodes, std::span<const std::uint8_t> alive);
+DisplaySurface display_surface(const TetMesh& mesh, std::span<const Vec3> nodes,
+                               std::span<const std::uint8_t> alive);
 
 std::string to_vtk(const DisplaySurface& surface, const std::string& title);
 

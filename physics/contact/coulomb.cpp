@@ -11,6 +11,7 @@ namespace {
 
 constexpr int longest_run_of_sweeps = 32;
 constexpr int sweeps_between_checks = 4;
+constexpr int most_halvings = 5;
 
 double mean_diagonal(const Eigen::Ref<const MatX>& W, int i) noexcept {
   return (W(3 * i, 3 * i) + W(3 * i + 1, 3 * i + 1) + W(3 * i + 2, 3 * i + 2)) / 3;
@@ -29,6 +30,20 @@ double natural_map(const double* delta, const double* lambda, const Eigen::Ref<c
     scale = std::max({scale, l.squaredNorm(), rho[i] * rho[i] * free.squaredNorm()});
   }
   return worst > 0 ? std::sqrt(worst / scale) : 0;
+}
+
+// ½ Σ ‖λ_i − P_i(λ_i − ρ_i δ_i)‖², P_i onto λ_n ≥ 0 and the disc of radius μ y_n (Alart and Curnier).
+double alart_curnier(const CoulombSystem& s, const double* lambda, const double* delta) noexcept {
+  double sum = 0;
+  for (int i = 0; i < s.contacts; ++i) {
+    const Eigen::Map<const Vec3> l(lambda + 3 * i), d(delta + 3 * i);
+    Vec3 y = l - s.rho[i] * d;
+    y[0] = std::max(0.0, y[0]);
+    const double pulled = y.tail<2>().norm(), disc = s.mu[i] * y[0];
+    if (pulled > disc) y.tail<2>() *= disc / pulled;
+    sum += (l - y).squaredNorm();
+  }
+  return 0.5 * sum;
 }
 
 // 1 / mean diagonal, or 0 for a contact that W does not move at all.
@@ -105,26 +120,38 @@ CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<co
   keep(residual_at(lambda.data()));
   int run = 2;
   while (!finished() && result.sweeps < options.max_sweeps) {
-    double residual = result.residual;
     for (int k = 0; k < run && result.sweeps < options.max_sweeps; ++k) {
       sweeper.sweep(lambda.data());
       ++result.sweeps;
       if (k + 1 != run && (k + 1) % sweeps_between_checks != 0) continue;
-      residual = residual_at(lambda.data());
+      const double residual = residual_at(lambda.data());
       if (residual < result.residual) keep(residual);
       if (finished()) break;
     }
     run = std::min(2 * run, longest_run_of_sweeps);
+    double merit = alart_curnier(system, lambda.data(), ws.delta.data());
     while (!finished() && result.newton < options.max_newton) {
+      // ws.delta belongs to lambda here.
       ++result.newton;
-      const bool stepped = newton_step(system, lambda.data(), ws);
-      const double next = stepped ? residual_at(ws.trial.data()) : residual;
-      if (!(next < 0.9 * residual)) {
+      std::copy_n(lambda.data(), rows, ws.start.data());
+      bool moved = newton_step(system, lambda.data(), ws);
+      double length = 1;
+      for (int halved = 0; moved; ++halved, length *= 0.5) {
+        for (int k = 0; k < rows; ++k) lambda[k] = ws.start[k] + length * (ws.trial[k] - ws.start[k]);
+        system.compute_delta(lambda.data(), ws.delta.data());
+        const double next = alart_curnier(system, lambda.data(), ws.delta.data());
+        if (next < (1 - 0.2 * length) * merit) {
+          merit = next;
+          break;
+        }
+        moved = halved + 1 < most_halvings;
+      }
+      if (!moved) {
+        std::copy_n(ws.start.data(), rows, lambda.data());
         system.compute_delta(lambda.data(), ws.delta.data());
         break;
       }
-      std::copy_n(ws.trial.data(), rows, lambda.data());
-      residual = next;
+      const double residual = natural_map(ws.delta.data(), lambda.data(), q, ws.rho, mu);
       if (residual < result.residual) keep(residual);
     }
   }

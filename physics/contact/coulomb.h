@@ -67,6 +67,7 @@ struct CoulombWorkspace {
   std::array<double, max_contacts> rho;
   std::array<double, max_rows> delta;
   std::array<double, max_rows> best;
+  std::array<double, max_rows> start;
   std::array<double, max_rows> trial;
   std::array<double, max_rows> step;
   std::array<double, std::size_t(max_rows) * max_rows> jacobian;

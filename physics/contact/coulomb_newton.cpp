@@ -16,7 +16,6 @@ struct Unknowns {
   int first;           // its unknowns start here
   Vec3 along;          // slip: (1, μ d), the direction of λ
   Vec3 across;         // slip: (0, t̂)
-  double pull = 0;     // slip: c
   double lambda_n = 0;  // slip: at the base point
 
   int count() const noexcept { return mode == Mode::stick ? 3 : mode == Mode::slip ? 2 : 1; }
@@ -88,52 +87,79 @@ void CoulombSystem::compute_delta(const double* lambda, double* delta) const noe
   }
 }
 
-bool newton_step(const CoulombSystem& s, const double* lambda, CoulombWorkspace& ws) noexcept {
-  // Base point: λ moved onto the manifold of its class, so that δ below is exact there.
-  std::array<Unknowns, max_contacts> unknown;
-  int contacts = 0, size = 0;
-  std::fill_n(ws.trial.data(), 3 * s.contacts, 0.0);
-  for (int i = 0; i < s.contacts; ++i) {
-    const Eigen::Map<const Vec3> l(lambda + 3 * i), d(ws.delta.data() + 3 * i);
-    Unknowns& u = unknown[contacts];
-    if (!classify(l, d, s.rho[i], s.mu[i], u)) continue;
-    u.contact = i;
+namespace {
+
+// Assembles and solves for ws.step at the base point ws.trial; ws.delta becomes δ there.
+bool solve_reduced(const CoulombSystem& s, std::span<Unknowns> unknown, CoulombWorkspace& ws) noexcept {
+  int size = 0;
+  for (Unknowns& u : unknown) {
     u.first = size;
     size += u.count();
-    ++contacts;
-    Eigen::Map<Vec3> base(ws.trial.data() + 3 * i);
-    base = u.mode == Mode::slip ? Vec3(u.lambda_n * u.along) : u.mode == Mode::stick ? Vec3(l) : Vec3(l[0], 0, 0);
   }
   s.compute_delta(ws.trial.data(), ws.delta.data());
-
-  for (int j = 0; j < contacts; ++j) {
-    Unknowns& uj = unknown[j];
+  for (Unknowns& uj : unknown) {
     const Eigen::Map<const Vec3> delta(ws.delta.data() + 3 * uj.contact);
     for (int b = 0; b < uj.count(); ++b) ws.step[uj.first + b] = -uj.test(b).dot(delta);
-    if (uj.mode == Mode::slip) {
-      const Vec3 friction = uj.along - Vec3::UnitX();  // μ d
-      const double mu = s.mu[uj.contact];
-      uj.pull = std::max(0.0, -friction.dot(delta) / mu) / (mu * uj.lambda_n);
-    }
-    for (int i = 0; i < contacts; ++i) {
-      const Unknowns& ui = unknown[i];
+    for (const Unknowns& ui : unknown) {
       Mat3 block = s.W.block<3, 3>(3 * ui.contact, 3 * uj.contact);
-      if (i == j) block.diagonal().array() += s.diagonal(uj.contact);
+      if (&ui == &uj) block.diagonal().array() += s.diagonal(uj.contact);
       for (int b = 0; b < uj.count(); ++b) {
         const Vec3 moved = block * uj.trial(b);
         double* column = ws.jacobian.data() + static_cast<std::ptrdiff_t>(uj.first + b) * size;
         for (int a = 0; a < ui.count(); ++a) column[ui.first + a] = ui.test(a).dot(moved);
       }
     }
-    if (uj.mode == Mode::slip)
-      ws.jacobian[static_cast<std::size_t>(uj.first + 1) * static_cast<std::size_t>(size + 1)] += uj.pull;
+    if (uj.mode != Mode::slip) continue;
+    const double mu = s.mu[uj.contact];
+    const double slip = -(uj.along - Vec3::UnitX()).dot(delta) / mu;  // along −d
+    ws.jacobian[static_cast<std::size_t>(uj.first + 1) * static_cast<std::size_t>(size + 1)] +=
+        std::max(0.0, slip) / (mu * uj.lambda_n);
   }
-  if (!lu_solve(ws.jacobian.data(), size, ws.step.data())) return false;
+  return lu_solve(ws.jacobian.data(), size, ws.step.data());
+}
 
+// The contact that its step pulls on hardest, or −1.
+int most_negative(std::span<const Unknowns> unknown, const CoulombWorkspace& ws) noexcept {
+  int worst = -1;
+  double least = 0;
+  for (std::size_t k = 0; k < unknown.size(); ++k) {
+    const double n = ws.trial[3 * unknown[k].contact] + ws.step[unknown[k].first];
+    if (n >= least) continue;
+    least = n;
+    worst = static_cast<int>(k);
+  }
+  return worst;
+}
+
+}  // namespace
+
+bool newton_step(const CoulombSystem& s, const double* lambda, CoulombWorkspace& ws) noexcept {
+  // Base point: λ moved onto the manifold of its class, so that δ is exact there.
+  std::array<Unknowns, max_contacts> storage;
+  int contacts = 0;
+  std::fill_n(ws.trial.data(), 3 * s.contacts, 0.0);
+  for (int i = 0; i < s.contacts; ++i) {
+    const Eigen::Map<const Vec3> l(lambda + 3 * i), d(ws.delta.data() + 3 * i);
+    Unknowns& u = storage[contacts];
+    if (!classify(l, d, s.rho[i], s.mu[i], u)) continue;
+    u.contact = i;
+    ++contacts;
+    Eigen::Map<Vec3> base(ws.trial.data() + 3 * i);
+    base = u.mode == Mode::slip ? Vec3(u.lambda_n * u.along) : u.mode == Mode::stick ? Vec3(l) : Vec3(l[0], 0, 0);
+  }
+  for (;;) {
+    const std::span<Unknowns> unknown(storage.data(), static_cast<std::size_t>(contacts));
+    if (!solve_reduced(s, unknown, ws)) return false;
+    const int pulled = most_negative(unknown, ws);
+    if (pulled < 0) break;
+    Eigen::Map<Vec3>(ws.trial.data() + 3 * storage[pulled].contact).setZero();
+    std::copy(storage.begin() + pulled + 1, storage.begin() + contacts, storage.begin() + pulled);
+    --contacts;
+  }
   for (int k = 0; k < contacts; ++k) {
-    const Unknowns& u = unknown[k];
-    Eigen::Map<Vec3> out(ws.trial.data() + 3 * u.contact);
-    out = stepped(u, ws.trial.data() + 3 * u.contact, ws.step.data() + u.first, s.mu[u.contact]);
+    const Unknowns& u = storage[k];
+    double* out = ws.trial.data() + 3 * u.contact;
+    Eigen::Map<Vec3>{out} = stepped(u, out, ws.step.data() + u.first, s.mu[u.contact]);
   }
   return true;
 }

@@ -52,8 +52,8 @@ class Pivoting {
     return worst > 0 ? worst / scale : 0;
   }
 
-  // Marks the infeasible indices in ws.packed (1 or 0); returns how many and the least.
-  int find_infeasible(int& least) noexcept {
+  // Marks the infeasible indices in ws.packed (1 or 0) and returns how many.
+  int find_infeasible() noexcept {
     double z_scale = 0, weighted = 0;
     for (int i = 0; i < n_; ++i) {
       z_scale = std::max(z_scale, std::abs(z_[i]));
@@ -61,17 +61,64 @@ class Pivoting {
     }
     const double z_noise = 4 * noise_z_ + 4 * unit_roundoff * z_scale;
     int count = 0;
-    least = n_;
     for (int i = 0; i < n_; ++i) {
-      // |Σ_j W_ij z_j| ≤ √W_ii Σ_j √W_jj |z_j| for a positive semidefinite W.
-      const double w_noise =
-          8 * unit_roundoff * (std::sqrt(ws_.diagonal[i]) * weighted + std::abs(q_[i]));
-      const bool bad = active_[i] ? z_[i] < -z_noise : ws_.w[i] < -w_noise;
+      const bool bad = active_[i] ? z_[i] < -z_noise : ws_.w[i] < -w_noise(i, weighted);
       ws_.packed[i] = bad;
-      if (bad && count++ == 0) least = i;
+      count += bad;
     }
     return count;
   }
+
+  // The least feasible inactive row, relative to its diagonal; −1: none. Blocked rows are passed over.
+  int most_violated() const noexcept {
+    double weighted = 0;
+    for (int i = 0; i < n_; ++i) weighted += std::sqrt(ws_.diagonal[i]) * std::abs(z_[i]);
+    int worst = -1;
+    double least = 0;
+    for (int i = 0; i < n_; ++i) {
+      const double root = std::sqrt(ws_.diagonal[i]);
+      if (active_[i] || ws_.blocked[i] || ws_.w[i] >= -w_noise(i, weighted) || ws_.w[i] / root >= least) continue;
+      least = ws_.w[i] / root;
+      worst = i;
+    }
+    return worst;
+  }
+
+  // From the feasible point in ws.best as far towards z as no entry turns negative; the entries that
+  // stop it leave the active set. True: z itself was feasible (to its noise).
+  bool step_towards() noexcept {
+    double z_scale = 0, reach = 1;
+    for (int i = 0; i < n_; ++i) z_scale = std::max(z_scale, std::abs(z_[i]));
+    const double noise = 4 * unit_roundoff * z_scale;
+    for (int i = 0; i < n_; ++i)
+      if (active_[i] && z_[i] < -noise) reach = std::min(reach, ws_.best[i] / (ws_.best[i] - z_[i]));
+    if (reach == 1) {
+      for (int i = 0; i < n_; ++i) ws_.best[i] = std::max(0.0, z_[i]);
+      return true;
+    }
+    for (int i = 0; i < n_; ++i) {
+      if (!active_[i]) continue;
+      const bool stops = z_[i] < -noise && ws_.best[i] / (ws_.best[i] - z_[i]) <= reach;
+      ws_.best[i] = stops ? 0 : std::max(0.0, ws_.best[i] + reach * (z_[i] - ws_.best[i]));
+      if (stops) active_[i] = 0;
+    }
+    return false;
+  }
+
+  void start_from_feasible(std::span<const std::uint8_t> set) noexcept {
+    std::copy(set.begin(), set.end(), active_.begin());
+    std::fill_n(ws_.best.data(), n_, 0.0);
+    std::fill_n(ws_.blocked.data(), n_, std::uint8_t{0});
+  }
+
+  bool finite() const noexcept { return z_.allFinite(); }
+  bool refused(int i) const noexcept { return !(z_[i] > 0); }
+  void enter(int i) noexcept { active_[i] = 1; }
+  void block(int i) noexcept {
+    active_[i] = 0;
+    ws_.blocked[i] = 1;
+  }
+  void unblock() noexcept { std::fill_n(ws_.blocked.data(), n_, std::uint8_t{0}); }
 
   void exchange_infeasible() noexcept {
     for (int i = 0; i < n_; ++i)
@@ -82,6 +129,11 @@ class Pivoting {
   void restore_best() noexcept { std::copy_n(ws_.best.data(), n_, z_.data()); }
 
  private:
+  // |Σ_j W_ij z_j| ≤ √W_ii Σ_j √W_jj |z_j| for a positive semidefinite W; `weighted` is the last sum.
+  double w_noise(int i, double weighted) const noexcept {
+    return 8 * unit_roundoff * (std::sqrt(ws_.diagonal[i]) * weighted + std::abs(q_[i]));
+  }
+
   void add_column(int j, double zj) noexcept {
     if (zj == 0) return;
     const double* column = W_.data() + static_cast<std::ptrdiff_t>(j) * W_.outerStride();
@@ -136,6 +188,57 @@ class Pivoting {
   bool rigid_ = false;
 };
 
+enum class Outcome : std::uint8_t { solved, stalled, capped, not_finite };
+
+// Block principal pivoting: solved, or stalled where the infeasible indices no longer become fewer.
+Outcome exchange_blocks(Pivoting& p, std::uint64_t version, const LcpOptions& options, int& pivots) noexcept {
+  int fewest = std::numeric_limits<int>::max(), patience = options.patience;
+  for (;;) {
+    p.solve_active_block(version);
+    if (!p.finite()) return Outcome::not_finite;
+    const int infeasible = p.find_infeasible();
+    if (infeasible == 0) {
+      p.keep_best();
+      return Outcome::solved;
+    }
+    if (infeasible < fewest) {
+      fewest = infeasible;
+      patience = options.patience;
+    } else if (patience-- <= 0) {
+      return Outcome::stalled;
+    }
+    if (pivots >= options.max_pivots) return Outcome::stalled;
+    ++pivots;
+    p.exchange_infeasible();
+  }
+}
+
+// Single exchanges that never leave z ≥ 0 and always lower ½ zᵀAz + qᵀz. A row whose entry its own
+// solve refuses (rounding) is blocked until the next descent.
+Outcome descend(Pivoting& p, std::uint64_t version, const LcpOptions& options, int& pivots) noexcept {
+  const int limit = pivots + options.max_pivots;
+  for (int entered = -1;;) {
+    p.solve_active_block(version);
+    if (!p.finite()) return Outcome::not_finite;
+    if (entered >= 0 && p.refused(entered)) {
+      p.block(entered);
+    } else {
+      if (!p.step_towards()) {
+        entered = -1;
+        if (++pivots >= limit) return Outcome::capped;
+        continue;
+      }
+      p.unblock();
+    }
+    p.restore_best();
+    p.compute_w();
+    entered = p.most_violated();
+    if (entered < 0) return Outcome::solved;
+    if (++pivots >= limit) return Outcome::capped;
+    p.enter(entered);
+  }
+}
+
 int count_active(std::span<const std::uint8_t> active) noexcept {
   return static_cast<int>(std::count_if(active.begin(), active.end(), [](auto a) { return a != 0; }));
 }
@@ -163,38 +266,15 @@ LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX
     return refuse(feasible ? SolveStatus::solved : SolveStatus::iteration_cap);
   }
 
-  double best_residual = std::numeric_limits<double>::infinity();
-  int fewest = static_cast<int>(q.size()) + 1, patience = options.patience;
-  for (;;) {
-    pivoting.solve_active_block(matrix_version);
-    if (!z.allFinite()) return refuse(SolveStatus::not_finite);
-    int least;
-    const int infeasible = pivoting.find_infeasible(least);
-    if (infeasible == 0) {
-      pivoting.keep_best();
-      break;
-    }
-    if (const double residual = pivoting.natural_map(); residual < best_residual) {
-      best_residual = residual;
-      pivoting.keep_best();
-    }
-    if (result.pivots >= options.max_pivots) {
-      result.status = SolveStatus::iteration_cap;
-      break;
-    }
-    ++result.pivots;
-    if (infeasible < fewest) {
-      fewest = infeasible;
-      patience = options.patience;
-      pivoting.exchange_infeasible();
-    } else if (patience > 0) {
-      --patience;
-      pivoting.exchange_infeasible();
-    } else {
-      result.fell_back = true;
-      active[least] = !active[least];
-    }
+  std::copy(active.begin(), active.end(), workspace.warm_set.begin());
+  Outcome outcome = exchange_blocks(pivoting, matrix_version, options, result.pivots);
+  if (outcome == Outcome::stalled) {
+    result.fell_back = true;
+    pivoting.start_from_feasible({workspace.warm_set.data(), active.size()});
+    outcome = descend(pivoting, matrix_version, options, result.pivots);
   }
+  if (outcome == Outcome::not_finite) return refuse(SolveStatus::not_finite);
+  if (outcome == Outcome::capped) result.status = SolveStatus::iteration_cap;
 
   pivoting.restore_best();
   z = z.cwiseMax(0.0);

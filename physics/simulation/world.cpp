@@ -9,6 +9,8 @@ constexpr double sleeping_speed = 1e-5;  // [m/s]
 constexpr double zone_keep = 1.15;       // in alarm distances: every node this near must be in the zone
 constexpr double zone_reach = 1.6;       // … and a new zone reaches this far
 constexpr std::size_t max_zone_nodes = 160;
+constexpr double contact_margin = 0.25;     // in alarm distances: rows for gaps below it, renewed in each solve
+constexpr double usable_residual = 1e-3;    // a worse contact solve moves nothing; the next step repairs
 
 bool at_rest(const Body& body) {
   return std::all_of(body.state.v.begin(), body.state.v.end(),
@@ -64,9 +66,9 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
 
 void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
   const bool cutting = sample.present && sample.phaco;
-  // Unspent budget does not pile up: at most one step's worth, or one element, carries over.
+  // What a tip in the open does not spend does not pile up: one element and one step's worth at most.
   const double per_step = settings_.removal.rate * settings_.h;
-  removal_budget_ = cutting ? std::min(removal_budget_ + per_step, std::max(1.0, per_step)) : 0;
+  removal_budget_ = cutting ? std::min(removal_budget_ + per_step, 1 + per_step) : 0;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.removable) continue;
@@ -104,7 +106,6 @@ void World::wake(const InstrumentSample& sample) {
 
 void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) {
   Body& body = bodies_[b];
-  std::vector<int> must(patch_nodes.begin(), patch_nodes.end());
   std::vector<std::pair<double, int>> reach;
   for (int n = 0; n < body.model.node_count(); ++n) {
     const double gap = gap_at(*instrument_, X, body.state.x[n]).distance;
@@ -112,15 +113,18 @@ void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) 
   }
   std::sort(reach.begin(), reach.end());
   if (reach.size() > max_zone_nodes) reach.resize(max_zone_nodes);
-  for (const auto& [gap, n] : reach)
-    if (gap < zone_keep * settings_.alarm_distance) must.push_back(n);
-  std::sort(must.begin(), must.end());
-  must.erase(std::unique(must.begin(), must.end()), must.end());
-  if (body.compliance->zone_covers(must)) return;
-  for (const auto& [gap, n] : reach) must.push_back(n);
-  std::sort(must.begin(), must.end());
-  must.erase(std::unique(must.begin(), must.end()), must.end());
-  body.compliance->move_zone(must);
+
+  // Nearest first: the patch of the nodes named first is the cheapest.
+  std::vector<int> zone(patch_nodes.begin(), patch_nodes.end());
+  std::vector<std::uint8_t> inside(body.state.x.size(), 0);
+  for (int n : zone) inside[n] = 1;
+  std::size_t must = zone.size();
+  for (const auto& [gap, n] : reach) {
+    if (!inside[n]) zone.push_back(n);
+    inside[n] = 1;
+    if (gap < zone_keep * settings_.alarm_distance) must = zone.size();
+  }
+  if (!body.compliance->zone_covers(std::span(zone).first(must))) body.compliance->move_zone(zone);
 }
 
 void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& report) {
@@ -186,7 +190,7 @@ void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& 
   if (sample.present) {
     ContactOptions options;
     options.linearisations = 3;
-    options.margin = settings_.contact == Renewal::frozen ? 0 : 0.5 * settings_.alarm_distance;
+    options.margin = settings_.contact == Renewal::frozen ? 0 : contact_margin * settings_.alarm_distance;
     report.contact =
         solve_contact(problem, *instrument_, sample.pose, settings_.h, options, contact_state_, *scratch_);
   } else {
@@ -195,12 +199,13 @@ void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& 
   }
 
   const ContactRows& rows = scratch_->rows;
+  const bool usable = report.contact.status == SolveStatus::solved || report.contact.residual < usable_residual;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
     contact_force_.setZero(3 * body.model.node_count());
     bool touched = false;
-    for (int i = 0; i < rows.contacts; ++i) {
+    for (int i = 0; usable && i < rows.contacts; ++i) {
       const PatchSample& s = problem.sample[rows.row[i].sample];
       if (s.node[0] < 0 || gatherer_.nodes()[s.node[0]].body != static_cast<int>(b)) continue;
       Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);

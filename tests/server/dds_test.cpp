@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "server/device_bridge.h"
+#include "tests/support/malloc_guard.h"
 
 namespace hapticd {
 namespace {
@@ -271,6 +272,26 @@ TEST_F(Dds, NotANumberCrossesTheWireAndIsRefused) {
   const Verdict verdict = watch({}, device, input, state);
   EXPECT_EQ(verdict.refusal, Refusal::not_finite);
   EXPECT_EQ(verdict.render, Render::zero);
+}
+
+TEST_F(Dds, TakeAndWriteAllocateNothingOnceWarm) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  Client client(domain);
+  connect(client);
+  const auto exchange = [&](int rounds) {
+    long allocations = 0;
+    for (int i = 0; i < rounds; ++i) {
+      client.send();
+      std::this_thread::sleep_for(std::chrono::microseconds(300));
+      const MallocGuard guard;
+      port.take(monotonic_ns(), sample);
+      port.write({});
+      allocations += guard.allocations();
+    }
+    return allocations;
+  };
+  exchange(200);
+  EXPECT_EQ(exchange(500), 0);
 }
 
 TEST_F(Dds, DomainThatExistsOrIsBadlyConfiguredIsNamedInTheError) {

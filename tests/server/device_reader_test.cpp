@@ -13,7 +13,8 @@ namespace {
 
 TEST(DeviceReader, ShippedDevices) {
   int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(std::filesystem::path(SOURCE_DIR) / "config/devices")) {
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::filesystem::path(SOURCE_DIR) / "config/devices")) {
     SCOPED_TRACE(entry.path());
     const DeviceFile device = read_device(entry.path());
     EXPECT_EQ(read_device(device_path(entry.path().stem().string(), "")).name, device.name);

@@ -37,9 +37,11 @@ double volume(const TetMesh& mesh) {
 // Two tetrahedra, five nodes, MSH 2.2; elements on lines 14 and on.
 std::string two_tets(const std::string& elements, const std::string& nodes =
                                                        "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n") {
-  const auto lines = [](const std::string& s) { return std::to_string(std::count(s.begin(), s.end(), '\n')); };
-  return "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n" + lines(nodes) + "\n" + nodes + "$EndNodes\n$Elements\n" +
-         lines(elements) + "\n" + elements + "$EndElements\n";
+  const auto lines = [](const std::string& s) {
+    return std::to_string(std::count(s.begin(), s.end(), '\n'));
+  };
+  return "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n" + lines(nodes) + "\n" + nodes +
+         "$EndNodes\n$Elements\n" + lines(elements) + "\n" + elements + "$EndElements\n";
 }
 
 // Reads it, and says what the error was: "line key what".
@@ -86,11 +88,14 @@ TEST(MeshReader, VtkHoldsTheSameTetrahedra) {
 
 TEST(MeshReader, VtkArraysMakeGroups) {
   const std::string head =
-      "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n0 0 0 1 0 0 0 1 0 0 0 1 1 1 1\n";
+      "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n0 0 0 1 0 0 0 1 0 0 "
+      "0 1 1 1 1\n";
   const std::string data_part =
-      "CELL_DATA 2\nSCALARS group int 1\nLOOKUP_TABLE default\n0 7\nSCALARS heat float\nLOOKUP_TABLE default\n1 2\n"
+      "CELL_DATA 2\nSCALARS group int 1\nLOOKUP_TABLE default\n0 7\nSCALARS heat float\nLOOKUP_TABLE "
+      "default\n1 2\n"
       "POINT_DATA 5\nFIELD f 1\nheld 1 5 int\n1 0 0 0 1\n";
-  const TetMesh mesh = read_mesh(head + "CELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n" + data_part, "m.vtk");
+  const TetMesh mesh =
+      read_mesh(head + "CELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n" + data_part, "m.vtk");
   ASSERT_EQ(mesh.groups.size(), 2u);
   EXPECT_EQ(mesh.group("group_7")->tets, std::vector<int>{1});
   EXPECT_EQ(mesh.group("group_7")->nodes, (std::vector<int>{1, 2, 3, 4}));
@@ -154,9 +159,11 @@ TEST(MeshReader, BinaryFaultsNameTheByte) {
 
 TEST(MeshReader, SizesAreNotBelieved) {
   EXPECT_NE(fault("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n9000000000000000000\n1 0 0 0\n"), "none");
-  EXPECT_NE(fault("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 9 1 9\n0 1 0 9000000000000000000\n1\n"), "none");
-  EXPECT_NE(fault("# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 99999999999 float\n0\n"),
+  EXPECT_NE(fault("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 9 1 9\n0 1 0 9000000000000000000\n1\n"),
             "none");
+  EXPECT_NE(
+      fault("# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 99999999999 float\n0\n"),
+      "none");
 }
 
 // Whatever comes out of damaged bytes is a valid mesh or an InputError.
@@ -178,8 +185,8 @@ void expect_valid_or_refused(const std::string& bytes) {
 
 TEST(MeshReader, DamagedFilesNeverCrash) {
   std::mt19937 random(7);
-  for (const char* name : {"tiny_22_ascii.msh", "tiny_22_binary.msh", "tiny_41_ascii.msh", "tiny_41_binary.msh",
-                           "tiny.vtk"}) {
+  for (const char* name :
+       {"tiny_22_ascii.msh", "tiny_22_binary.msh", "tiny_41_ascii.msh", "tiny_41_binary.msh", "tiny.vtk"}) {
     SCOPED_TRACE(name);
     const std::string whole = read_bytes(data(name));
     for (int i = 0; i < 1500; ++i) {

@@ -92,7 +92,8 @@ class SceneFile : public testing::Test {
     const std::string text = with(good_scene, old, replacement);
     if (line == 0) {
       const std::size_t end = good_scene.find(old) + replacement.size();
-      line = 1 + static_cast<int>(std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n'));
+      line = 1 + static_cast<int>(
+                     std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n'));
     }
     try {
       read(text);
@@ -102,8 +103,9 @@ class SceneFile : public testing::Test {
       EXPECT_EQ(e.line(), line) << e.what();
       EXPECT_EQ(e.key(), key) << e.what();
       EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
-      EXPECT_TRUE(std::string(e.what()).starts_with((folder_ / "scene.yaml").string() + ":" + std::to_string(line) +
-                                                    ": " + key + ": ")) << e.what();
+      EXPECT_TRUE(std::string(e.what()).starts_with((folder_ / "scene.yaml").string() + ":" +
+                                                    std::to_string(line) + ": " + key + ": "))
+          << e.what();
     }
   }
 
@@ -145,7 +147,8 @@ TEST_F(SceneFile, ValuesOutOfRange) {
   expect_fault("alarm_distance: 0.1", "alarm_distance: 0", "simulation.alarm_distance", "above 0");
   expect_fault("radius: 0.1", "radius: 0", "instrument.primitives[0].radius", "above 0");
   expect_fault("force_scale: 1", "force_scale: -1", "mapping.force_scale", "above 0");
-  expect_fault("force_scale: 1", "force_scale: 1\n  frame: [0, 0, 0, 2]", "mapping.frame", "not a unit quaternion");
+  expect_fault("force_scale: 1", "force_scale: 1\n  frame: [0, 0, 0, 2]", "mapping.frame",
+               "not a unit quaternion");
   expect_fault("contact: renewed", "contact: fresh", "simulation.contact", "renewed, frozen");
   expect_fault("kind: deformable", "kind: soft", "bodies[0].kind", "deformable, rigid");
   expect_fault("shape: sphere", "shape: ball", "instrument.primitives[0].shape", "sphere, capsule");
@@ -177,15 +180,17 @@ TEST_F(SceneFile, FaultsOfOtherFilesNameThose) {
   EXPECT_TRUE(fault_of(good_scene).starts_with("move.csv:3:column px: "));
   write("move.csv", "t,px,py,pz\n0,0,0,2\n1,0,0,3\n");
 
-  write("bad.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n"
-                   "$Elements\n1\n1 4 2 1 1 1 3 2 4\n$EndElements\n");
+  write("bad.msh",
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n"
+        "$Elements\n1\n1 4 2 1 1 1 3 2 4\n$EndElements\n");
   const std::string inverted = fault_of(with(good_scene, "tiny_41_ascii.msh", "bad.msh"));
   EXPECT_TRUE(inverted.starts_with("bad.msh:13:$Elements: ")) << inverted;
   EXPECT_NE(inverted.find("inverted"), std::string::npos);
 
   write("weak.yaml", "device: Weak\nmax_force: 1\nmax_force_rate: 10\nmax_speed: 1\nworkspace_radius: 0.1\n"
                      "max_stiffness: -5\ndamping: 1\n");
-  EXPECT_TRUE(fault_of(with(good_scene, "device: touch", "device: weak.yaml")).starts_with("weak.yaml:6:max_stiffness"));
+  EXPECT_TRUE(fault_of(with(good_scene, "device: touch", "device: weak.yaml"))
+                  .starts_with("weak.yaml:6:max_stiffness"));
 
   EXPECT_TRUE(fault_of("scene: [\n").starts_with("scene.yaml:2:YAML"));
   EXPECT_TRUE(fault_of("just words\n").starts_with("scene.yaml:1:"));
@@ -194,15 +199,18 @@ TEST_F(SceneFile, FaultsOfOtherFilesNameThose) {
 
 TEST_F(SceneFile, APieceThatNothingHoldsIsRefused) {
   // Two separate tetrahedra; the group holds one.
-  write("two.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n0 1 \"bottom\"\n$EndPhysicalNames\n$Nodes\n8\n"
-                   "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 9 0 0\n6 10 0 0\n7 9 1 0\n8 9 0 1\n$EndNodes\n$Elements\n3\n"
-                   "1 4 2 0 1 1 2 3 4\n2 4 2 0 1 5 6 7 8\n3 15 2 1 1 1\n$EndElements\n");
+  write("two.msh",
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n0 1 "
+        "\"bottom\"\n$EndPhysicalNames\n$Nodes\n8\n"
+        "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 9 0 0\n6 10 0 0\n7 9 1 0\n8 9 0 1\n$EndNodes\n$Elements\n3\n"
+        "1 4 2 0 1 1 2 3 4\n2 4 2 0 1 5 6 7 8\n3 15 2 1 1 1\n$EndElements\n");
   EXPECT_THROW(read(with(good_scene, "tiny_41_ascii.msh", "two.msh")), InputError);
 }
 
 TEST_F(SceneFile, MillimetresAndAxes) {
   const Scene mm = read(with(good_scene, "    removable", "    mesh_unit: mm\n    removable"));
-  EXPECT_NEAR(mm.bodies[0].mesh.nodes[0].norm(), 1e-3 * read(good_scene).bodies[0].mesh.nodes[0].norm(), 1e-18);
+  EXPECT_NEAR(mm.bodies[0].mesh.nodes[0].norm(), 1e-3 * read(good_scene).bodies[0].mesh.nodes[0].norm(),
+              1e-18);
   const Scene axis = read(with(good_scene, "      length: 1", "      from: [0, 0, 1]\n      to: [0, 2, 1]"));
   const Primitive& stick = axis.instrument.primitives[1];
   EXPECT_EQ(stick.half_length, 1);
@@ -228,7 +236,8 @@ TEST(ShippedScenes, AreReadAndFitTheirDevice) {
     for (double t : {trajectory.begin(), trajectory.end()})
       for (const SceneBody& body : scene.bodies)
         for (const Vec3& x : body.mesh.nodes)
-          ASSERT_GT(gap_at(scene.instrument, to_scene(scene.device, sample_at(trajectory, t)), x).distance, 0);
+          ASSERT_GT(gap_at(scene.instrument, to_scene(scene.device, sample_at(trajectory, t)), x).distance,
+                    0);
     double speed = 0;
     for (double t = trajectory.begin(); t < trajectory.end(); t += 1e-3)
       speed = std::max(speed, (sample_at(trajectory, t + 1e-3).p - sample_at(trajectory, t).p).norm() / 1e-3);

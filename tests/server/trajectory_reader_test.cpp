@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 #include <random>
 
 #include "server/input_error.h"
@@ -27,14 +28,16 @@ Quat about_z(double angle) { return Quat(Eigen::AngleAxisd(angle, Vec3::UnitZ())
 
 TEST(TrajectoryReader, ColumnsInAnyOrderCommentsAndUnits) {
   const Trajectory t = parse_trajectory(
-      "# a comment\n\nbuttons, pz,py,px,t,qw,qx,qy,qz\r\n1,3,2,1,0,1,0,0,0\n# more\n2,3,2,5,0.5,0,0,0,1.001\n", "t.csv",
-      LengthUnit::millimetre);
+      "# a comment\n\nbuttons, pz,py,px,t,qw,qx,qy,qz\r\n1,3,2,1,0,1,0,0,0\n# "
+      "more\n2,3,2,5,0.5,0,0,0,1.001\n",
+      "t.csv", LengthUnit::millimetre);
   ASSERT_EQ(t.samples.size(), 2u);
   EXPECT_LT((t.samples[0].pose.p - Vec3(1e-3, 2e-3, 3e-3)).norm(), 1e-15);
   EXPECT_EQ(t.samples[1].buttons, 2u);
   EXPECT_NEAR(t.samples[1].pose.q.norm(), 1, 1e-15);
   EXPECT_NEAR(t.samples[1].pose.q.z(), 1, 1e-15);
-  EXPECT_EQ(parse_trajectory("t,px,py,pz\n0,0,0,0\n1,1,1,1", "t.csv", LengthUnit::metre).samples[1].pose.q.w(), 1);
+  EXPECT_EQ(
+      parse_trajectory("t,px,py,pz\n0,0,0,0\n1,1,1,1", "t.csv", LengthUnit::metre).samples[1].pose.q.w(), 1);
 }
 
 TEST(TrajectoryReader, NamesFileLineAndColumn) {
@@ -66,7 +69,7 @@ std::vector<TrajectorySample> uneven(double seconds, const std::function<Pose(do
   return samples;
 }
 
-TEST(Trajectory, ASineOfTwoHertzComesBackWithinAMillionthOfItself) {
+TEST(Trajectory, ASineOfTwoHertzComesBack) {
   const auto motion = [](double t) {
     return Pose{Vec3(0.05 * std::sin(4 * pi * t), 0, 0), about_z(0.5 * std::sin(4 * pi * t))};
   };
@@ -77,16 +80,17 @@ TEST(Trajectory, ASineOfTwoHertzComesBackWithinAMillionthOfItself) {
     place = std::max(place, error.head<3>().norm());
     turn = std::max(turn, error.tail<3>().norm());
   }
-  // A cubic spline errs by 5/384 h⁴ |x''''|: 1.1e-6 relative to 0.05 m at most here... measured with 2x margin.
-  EXPECT_LT(place, 2 * 5.0 / 384 * std::pow(0.01632, 4) * std::pow(4 * pi, 4) * 0.05);
-  EXPECT_LT(turn, 2e-3 * 0.5);
-  EXPECT_GT(turn, 0);
+  // A cubic spline errs by at most 5/384 h^4 times the fourth derivative: 1.2 um of the 50 mm. The curve of
+  // the rotations is of lower order (its velocities come from parabolas): 0.067 of the 500 mrad.
+  EXPECT_LT(place, 5.0 / 384 * std::pow(1.02 / 62.5, 4) * std::pow(4 * pi, 4) * 0.05);
+  EXPECT_LT(turn, 1e-4);
 }
 
 TEST(Trajectory, SamplesAreHitExactly) {
   const std::filesystem::path recorded =
       std::filesystem::path(SOURCE_DIR) / "../shared/data/trajectories/cataract_training_01.csv";
-  std::vector<std::filesystem::path> files = {std::filesystem::path(SOURCE_DIR) / "config/scenes/cataract/stroke.csv"};
+  std::vector<std::filesystem::path> files = {std::filesystem::path(SOURCE_DIR) /
+                                              "config/scenes/cataract/stroke.csv"};
   if (std::filesystem::exists(recorded)) files.push_back(recorded);
   for (const auto& file : files) {
     const Trajectory trajectory = read_trajectory(file, LengthUnit::metre);
@@ -130,7 +134,8 @@ TEST(Trajectory, VelocityIsContinuousAtSamplesAndAccelerationOfThePositionToo) {
 TEST(Trajectory, ImagesOfAToneAreAsTheHeaderSays) {
   // A 2 Hz tone at 62.5 Hz; its image at 60.5 Hz by projection over 4 s (a whole number of both periods).
   std::vector<TrajectorySample> samples;
-  for (int i = 0; i <= 625; ++i) samples.push_back({i / 62.5, {Vec3(std::sin(4 * pi * i / 62.5), 0, 0), {1, 0, 0, 0}}, 0});
+  for (int i = 0; i <= 625; ++i)
+    samples.push_back({i / 62.5, {Vec3(std::sin(4 * pi * i / 62.5), 0, 0), {1, 0, 0, 0}}, 0});
   const Trajectory trajectory = make_trajectory(samples);
   double s = 0, c = 0;
   const int n = 16000;
@@ -145,9 +150,8 @@ TEST(Trajectory, ImagesOfAToneAreAsTheHeaderSays) {
 TEST(Trajectory, ConstantTurnAndOppositeSignsAreOneMotion) {
   std::vector<TrajectorySample> samples;
   for (int i = 0; i < 10; ++i) {
-    Quat q = about_z(0.3 * i);
-    if (i % 2) q.coeffs() *= -1;
-    samples.push_back({0.1 * i + 0.01 * (i % 3), {Vec3::Zero(), about_z(3.0 * (0.1 * i + 0.01 * (i % 3)))}, 0});
+    samples.push_back(
+        {0.1 * i + 0.01 * (i % 3), {Vec3::Zero(), about_z(3.0 * (0.1 * i + 0.01 * (i % 3)))}, 0});
     if (i % 2) samples.back().pose.q.coeffs() *= -1;
   }
   const Trajectory trajectory = make_trajectory(samples);

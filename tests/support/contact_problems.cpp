@@ -69,7 +69,7 @@ std::unique_ptr<CondensedProblem> sheet_problem(Random& random, const SheetSetti
   for (int a = 0; a < problem->nodes; ++a)
     for (int b = 0; b < problem->nodes; ++b) {
       const double distance = (problem->x_free[a] - problem->x_free[b]).norm();
-      problem->C().block<3, 3>(3 * a, 3 * b) = s.compliance * std::exp(-4 * distance / s.side) * core;
+      problem->C().block<3, 3>(3 * a, 3 * b) = s.compliance * std::exp(-distance / s.reach) * core;
     }
   return problem;
 }

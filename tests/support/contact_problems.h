@@ -22,13 +22,14 @@ Quat random_rotation(Random& random);
 MatX random_psd(Random& random, int n, int rank);
 
 // A square sheet of nodes × nodes at z = 0 facing +z, with `per_triangle`² samples a triangle and a
-// compliance that falls with distance: C_ab = c·(I + 0.2 R) ⊗ exp(−|x_a − x_b|/ℓ), ℓ a quarter of the
-// sheet, R symmetric and random, c [m/N]. Symmetric positive definite. Samples' ids are 1, 2, …
+// compliance that falls with distance: C_ab = c·(I + 0.1 R) ⊗ exp(−|x_a − x_b|/ℓ), ℓ the reach, R
+// symmetric and random, c [m/N]. Symmetric positive definite. Samples' ids are 1, 2, …
 struct SheetSettings {
   int nodes = 5;            // per side
   double side = 8e-3;       // [m]
   int per_triangle = 2;
   double compliance = 0.05;  // [m/N]
+  double reach = 2e-3;       // [m]
   double friction = 0;
 };
 std::unique_ptr<CondensedProblem> sheet_problem(Random& random, const SheetSettings& settings);

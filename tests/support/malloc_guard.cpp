@@ -1,5 +1,7 @@
 #include "tests/support/malloc_guard.h"
 
+#include <cstdlib>  // defines __GLIBC__
+
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__GLIBC__)
 #define HAPTICD_MALLOC_GUARD 1
 #endif
@@ -9,7 +11,6 @@
 
 #include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 #endif
 
 namespace hapticd {

@@ -37,23 +37,21 @@ def segments():
     yield 0.3, None, 0
     yield 0.8, over_lens(0.5, -0.3, 0.3), 0  # slide
     yield 0.6, over_lens(0.0, -1.6, 0.1), 0
-    # Grooves: forward at 2 to 5 mm/s, deeper each time; back above the lens.
+    # Grooves: forward at 2 to 3.5 mm/s, deeper each time; back above the lens.
     for x, depth, near, far in (
-        (0.0, 0.5, -1.6, 0.9),
-        (0.0, 1.0, -1.5, 0.8),
-        (0.0, 1.5, -1.2, 0.7),
-        (0.9, 0.5, -1.4, 0.7),
-        (0.9, 1.0, -1.3, 0.6),
-        (-0.9, 0.5, -1.4, 0.7),
-        (-0.9, 1.0, -1.3, 0.6),
+        (0.0, 0.45, -1.6, 0.9),
+        (0.0, 0.90, -1.5, 0.8),
+        (0.0, 1.35, -1.2, 0.7),
+        (0.9, 0.45, -1.4, 0.7),
+        (0.9, 0.90, -1.3, 0.6),
+        (-0.9, 0.45, -1.4, 0.7),
     ):
         yield 0.4, over_lens(x, near - 0.1, -0.1), ASPIRATION
         yield 0.4, over_lens(x, near, depth), both
-        yield 1.0, over_lens(x, far, depth), both
+        yield 1.3, over_lens(x, far, depth), both
         yield 0.2, over_lens(x, far - 0.1, depth - 0.6), ASPIRATION
     yield 0.4, over_lens(0.0, -0.6, -0.4), ASPIRATION
     yield 1.0, START, 0  # withdraw
-    yield 0.1, None, 0
 
 
 def along_shaft(tip, distance):

@@ -1,4 +1,4 @@
-// The lens's meridian, shared by lens.geo and capsule.geo. Metres; z is anterior; the equator lies near z = 0.
+// The lens's meridian, shared by lens.geo and capsule.geo. Metres; z is anterior; the equator is near z = 0.
 // Two spheres, 10 mm (anterior) and 6 mm (posterior), joined by a rounded equator; diameter 9 mm,
 // thickness 4.2 mm.
 mm = 1e-3;
@@ -10,7 +10,7 @@ posterior_radius = 6 * mm;
 za = anterior_pole - anterior_radius;  // centres of the two spheres on the axis
 zp = posterior_pole + posterior_radius;
 
-// The equator's circle, of radius rho about (c, zc), touches both spheres from inside and reaches lens_radius:
+// The equator's circle, radius rho about (c, zc), touches both spheres from inside and reaches lens_radius:
 //   c + rho = lens_radius,  c^2 + (zc - za)^2 = (Ra - rho)^2,  c^2 + (zc - zp)^2 = (Rp - rho)^2.
 // Bisection on rho, with zc from the difference of the last two.
 low = 0.5 * mm;

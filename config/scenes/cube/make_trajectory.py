@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Writes press.csv: six seconds of a stylus over the cube. Press 4 mm, drag, remove a furrow, withdraw.
+"""Writes press.csv: six seconds of a stylus over the cube. Press 3 mm, drag, remove a furrow, withdraw.
 
 Minimum-jerk segments in the scene's frame, which is the device's too; the stick stands upright.
 """
@@ -17,10 +17,10 @@ def over_cube(x, depth):
 # (duration [s], place at its end, pedals)
 SEGMENTS = [
     (1.0, over_cube(-4, -1), 0),
-    (0.8, over_cube(-4, 4), 0),
-    (0.2, over_cube(-4, 4), 0),
-    (1.2, over_cube(0, 4), 0),
-    (1.6, over_cube(4, 5), PHACO | ASPIRATION),
+    (0.8, over_cube(-4, 3), 0),
+    (0.2, over_cube(-4, 3), 0),
+    (1.2, over_cube(0, 3), 0),
+    (1.6, over_cube(4, 3.5), PHACO | ASPIRATION),
     (1.0, over_cube(4, -12), 0),
     (0.2, over_cube(4, -12), 0),
 ]
@@ -38,7 +38,8 @@ def main():
                 u = i / n
                 s = u * u * u * (10 - 15 * u + 6 * u * u)
                 p = [a + s * (b - a) for a, b in zip(place, target)]
-                out.write(f"{begin + i / RATE:.3f}," + ",".join(f"{v:.7f}" for v in p) + f",0,0,0,1,{pedals}\n")
+                values = ",".join(f"{v:.7f}" for v in p)
+                out.write(f"{begin + i / RATE:.3f},{values},0,0,0,1,{pedals}\n")
             begin, place = begin + n / RATE, target
         out.write(f"{begin:.3f}," + ",".join(f"{v:.7f}" for v in place) + ",0,0,0,1,0\n")
 

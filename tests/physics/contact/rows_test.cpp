@@ -174,12 +174,12 @@ TEST(Rows, ShiftEqualsRebuildingWithAnotherFreePose) {
     Scene s = pressed(7, friction);
     Random random(7);
     const Pose X_free = displaced(s.X, twist(random, 1e-5));
+    const VecX unshifted = s.rows->q();
     shift_rows(*s.problem, s.X, X_free, s.memory, *s.rows);
     const VecX shifted = s.rows->q();
     build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3, *s.rows);
     EXPECT_LT((shifted - s.rows->q()).norm(), 1e-15);
-    shift_rows(*s.problem, s.X, s.X, s.memory, *s.rows);
-    EXPECT_GT((shifted - s.rows->q()).norm(), 1e-6);
+    EXPECT_GT((shifted - unshifted).norm(), 1e-6);
   }
 }
 

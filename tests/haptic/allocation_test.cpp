@@ -1,0 +1,98 @@
+// What runs at 1 kHz allocates nothing.
+#include <gtest/gtest.h>
+
+#include "haptic/haptic_step.h"
+#include "haptic/histogram.h"
+#include "haptic/loop.h"
+#include "tests/support/contact_problems.h"
+#include "tests/support/malloc_guard.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t ms = 1'000'000;
+
+// A stroke through a soft sheet with everything that can happen to it on the way.
+void stroke(double friction, Renewal renewal, long& allocations, long& frees, double& peak, std::uint32_t& status) {
+  Random random(11);
+  SheetSettings sheet;
+  sheet.friction = friction;
+  const std::unique_ptr<CondensedProblem> problem = sheet_problem(random, sheet);
+  problem->renewal = renewal;
+  problem->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+  const Instrument instrument = sphere_instrument(1e-3);
+  DeviceSettings device;
+  device.max_force = 0.05;
+  device.max_torque = 0.01;
+  device.max_force_rate = 1e3;
+  device.max_speed = 1;
+  device.damping = 1;
+  const auto state = std::make_unique<HapticState>();
+  HapticOptions options;
+  options.passivity_control = true;
+
+  HapticInput input;
+  input.presence.connected = true;
+  peak = 0;
+  status = 0;
+  const MallocGuard guard;
+  for (int i = 1; i <= 1500; ++i) {
+    input.now_ns = (1000 + i) * ms + (i == 700 ? 7 * ms : 0);
+    input.presence.new_client = i == 1;
+    input.presence.connected = i < 1200 || i > 1210;
+    input.presence.conflict = i == 800;
+    input.taken = i < 900 || i > 915;
+    input.sample.sequence = static_cast<std::uint64_t>(i);
+    input.sample.received_ns = input.now_ns;
+    input.sample.enable = i != 1230;
+    input.sample.pose.p = Vec3(1e-3 * std::sin(0.01 * i), 0, 0.9e-3 - 0.3e-3 * std::sin(0.02 * i));
+    if (i == 850) input.sample.pose.p.x() = std::nan("");
+    problem->step = static_cast<std::uint64_t>(1 + i / 20);
+    problem->topology_changed = i / 20 % 7 == 0;
+    problem->published_ns = i < 1000 || i > 1100 ? input.now_ns : 2000 * ms;
+    const ForceSample f = haptic_step(problem.get(), instrument, device, options, input, *state);
+    peak = std::max(peak, f.force.norm());
+    status |= f.status;
+  }
+  allocations = guard.allocations();
+  frees = guard.frees();
+}
+
+TEST(Allocation, HapticStepAllocatesNothingWhateverHappens) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  for (const double friction : {0.0, 0.4})
+    for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+      long allocations = -1, frees = -1;
+      double peak = 0;
+      std::uint32_t status = 0;
+      stroke(friction, renewal, allocations, frees, peak, status);
+      EXPECT_EQ(allocations, 0);
+      EXPECT_EQ(frees, 0);
+      EXPECT_GT(peak, 1e-3);  // it was in contact
+      const std::uint32_t passed = status_disarmed | status_holding | status_ramping_down | status_ramping_up |
+                                   status_problem_old | status_gap | status_rejected | status_conflict |
+                                   status_blending;
+      EXPECT_EQ(status & passed, passed);
+    }
+}
+
+TEST(Allocation, ChannelQueueAndHistogramAllocateNothing) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  Channel<CondensedProblem> channel;
+  SpscQueue<ForceRecord> queue(16);
+  Histogram histogram;
+  ForceRecord record;
+  const MallocGuard guard;
+  for (int i = 0; i < 100; ++i) {
+    channel.back().step = static_cast<std::uint64_t>(i);
+    channel.publish();
+    channel.acquire();
+    queue.push(record);
+    if (i % 3 == 0) queue.pop(record);
+    histogram.record(i * 1000);
+  }
+  EXPECT_EQ(guard.allocations(), 0);
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,79 @@
+#include "server/realtime.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <thread>
+
+#include <gtest/gtest.h>
+
+namespace hapticd {
+namespace {
+
+int policy_of_caller() {
+  int policy = -1;
+  sched_param param{};
+  pthread_getschedparam(pthread_self(), &policy, &param);
+  return policy;
+}
+
+int cores_of_caller() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  pthread_getaffinity_np(pthread_self(), sizeof set, &set);
+  return CPU_COUNT(&set);
+}
+
+TEST(Realtime, GrantSaysWhatTheThreadThenHas) {
+  const int before = policy_of_caller();
+  bool granted = false;
+  int policy = -1;
+  std::string detail;
+  std::thread([&] {
+    const Grant grant = use_fifo(80);
+    granted = grant.granted;
+    detail = grant.detail;
+    policy = policy_of_caller();
+  }).join();
+  EXPECT_EQ(granted, policy == SCHED_FIFO);
+  EXPECT_EQ(granted, detail.empty());
+  EXPECT_EQ(granted, realtime_allowed());
+  EXPECT_EQ(policy_of_caller(), before);  // neither call touches its caller
+}
+
+TEST(Realtime, CoreThatDoesNotExistIsRefusedWithItsReason) {
+  for (const int core : {-1, 100'000}) {
+    const Grant grant = use_core(core);
+    EXPECT_FALSE(grant.granted);
+    EXPECT_EQ(grant.what, "core " + std::to_string(core));
+    EXPECT_FALSE(grant.detail.empty());
+  }
+}
+
+TEST(Realtime, ScopedCoreIsInheritedWhileItLivesAndGivenBack) {
+  const int before = cores_of_caller();
+  const int here = sched_getcpu();
+  {
+    const ScopedCore scoped(here);
+    ASSERT_TRUE(scoped.grant().granted);
+    int inherited = 0, core = -1;
+    std::thread([&] {
+      inherited = cores_of_caller();
+      core = sched_getcpu();
+    }).join();
+    EXPECT_EQ(inherited, 1);
+    EXPECT_EQ(core, here);
+  }
+  EXPECT_EQ(cores_of_caller(), before);
+}
+
+TEST(Realtime, RefusedLatencyRequestLeavesAWorkingProcess) {
+  const CpuLatency latency;
+  EXPECT_EQ(latency.grant().granted, latency.grant().detail.empty());
+  prefault_stack();
+  EXPECT_TRUE(keep_malloc_pages().granted);
+}
+
+}  // namespace
+}  // namespace hapticd
