@@ -28,7 +28,8 @@ class Channel {
   // Writer: the slot to fill in, then publish. The slot's old content is an earlier publication.
   T& back() noexcept { return (*slot_)[back_]; }
   void publish() noexcept {
-    back_ = middle_.exchange(static_cast<std::uint8_t>(back_ | new_bit), std::memory_order_acq_rel) & index_mask;
+    const auto full = static_cast<std::uint8_t>(back_ | new_bit);
+    back_ = middle_.exchange(full, std::memory_order_acq_rel) & index_mask;
   }
 
   // Reader: takes the newest if there is one (true), and looks at it.

@@ -26,11 +26,12 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, H
   return answer;
 }
 
-Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument, const DeviceSettings& device,
-                      const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
+Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
+                      const DeviceSettings& device, const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
   const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
-  const ContactSolution solution = solve_contact(problem, instrument, to_scene(device, s.watchdog.sample.pose),
-                                                 period, options.contact, s.contact, s.scratch);
+  const Pose X = to_scene(device, s.watchdog.sample.pose);
+  const ContactSolution solution =
+      solve_contact(problem, instrument, X, period, options.contact, s.contact, s.scratch);
   s.solved = true;
   answer.contacts = static_cast<std::uint32_t>(solution.contacts);
   answer.active = static_cast<std::uint32_t>(solution.active);
@@ -42,7 +43,8 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
     return {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
   if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
-  return {force_to_device(device, solution.wrench.head<3>()), torque_to_device(device, solution.wrench.tail<3>())};
+  return {force_to_device(device, solution.wrench.head<3>()),
+          torque_to_device(device, solution.wrench.tail<3>())};
 }
 
 // Nothing is rendered, so nothing may be remembered that a later arming would feel.
@@ -89,7 +91,8 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
 
   // filter
   if (verdict.render != Render::hold) {
-    const bool removal = verdict.render == Render::contact && problem->step != s.step && problem->topology_changed;
+    const bool removal =
+        verdict.render == Render::contact && problem->step != s.step && problem->topology_changed;
     const bool change = s.render != Render::zero && s.render != verdict.render;
     if (removal || change) start_blend(s.blend, s.rendered, wrench);
     if (s.blend.left > 0) answer.status |= status_blending;

@@ -80,7 +80,8 @@ class Histogram {
 
   HistogramSnapshot snapshot() const noexcept {
     HistogramSnapshot s;
-    for (std::size_t i = 0; i < s.bin.size(); ++i) s.count += s.bin[i] = bin_[i].load(std::memory_order_relaxed);
+    for (std::size_t i = 0; i < s.bin.size(); ++i)
+      s.count += s.bin[i] = bin_[i].load(std::memory_order_relaxed);
     if (s.count == 0) return s;
     s.min = min_.load(std::memory_order_relaxed);
     s.max = std::max(max_.load(std::memory_order_relaxed), s.min);

@@ -29,7 +29,8 @@ Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wren
   const double step = device.max_force_rate * period;
   const double torque_step = device.max_force > 0 ? step * device.max_torque / device.max_force : 0;
   const Wrench change = w - last;
-  return {last.force + within(change.force, step, hit), last.torque + within(change.torque, torque_step, hit)};
+  return {last.force + within(change.force, step, hit),
+          last.torque + within(change.torque, torque_step, hit)};
 }
 
 void start_blend(Blend& blend, const Wrench& last, const Wrench& fresh) noexcept {

@@ -37,8 +37,8 @@ std::int64_t monotonic_ns() noexcept {
   return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
 }
 
-HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& device, const HapticOptions& options,
-                       DevicePort& port, Channel<CondensedProblem>& problems,
+HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& device,
+                       const HapticOptions& options, DevicePort& port, Channel<CondensedProblem>& problems,
                        Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history)
     : instrument_(instrument), device_(device), options_(options), port_(port), problems_(problems),
       instrument_inputs_(instrument_inputs), history_(history), state_(std::make_unique<HapticState>()) {}

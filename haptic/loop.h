@@ -49,8 +49,8 @@ class HapticLoop {
  public:
   // Everything referred to must outlive the loop.
   HapticLoop(const Instrument& instrument, const DeviceSettings& device, const HapticOptions& options,
-             DevicePort& port, Channel<CondensedProblem>& problems, Channel<InstrumentInput>& instrument_inputs,
-             SpscQueue<ForceRecord>& history);
+             DevicePort& port, Channel<CondensedProblem>& problems,
+             Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history);
   ~HapticLoop();
   HapticLoop(const HapticLoop&) = delete;
   HapticLoop& operator=(const HapticLoop&) = delete;

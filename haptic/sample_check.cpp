@@ -13,7 +13,8 @@ Refusal check_sample(const DeviceSettings& device, const DeviceSample& sample, c
   if (!previous) return Refusal::none;
   if (sample.sequence <= previous->sequence) return Refusal::sequence_not_rising;
   if (!sample.enable) return Refusal::none;
-  const double dt = 1e-9 * static_cast<double>(std::max(sample.received_ns - previous->received_ns, period_ns));
+  const std::int64_t dt_ns = std::max(sample.received_ns - previous->received_ns, period_ns);
+  const double dt = 1e-9 * static_cast<double>(dt_ns);
   if (!((sample.pose.p - previous->pose.p).norm() <= device.max_speed * dt)) return Refusal::jump;
   return Refusal::none;
 }

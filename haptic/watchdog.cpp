@@ -79,11 +79,13 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
   const std::int64_t dt = std::clamp(gap, std::int64_t{0}, limits.period_ns);
   s.last_tick_ns = input.now_ns;
 
-  if (input.has_problem) v.problem_age_ns = std::max<std::int64_t>(input.now_ns - input.problem_published_ns, 0);
+  if (input.has_problem)
+    v.problem_age_ns = std::max<std::int64_t>(input.now_ns - input.problem_published_ns, 0);
   const bool problem_old = !input.has_problem || v.problem_age_ns >= limits.problem_old_ns;
   const bool problem_lost = !input.has_problem || v.problem_age_ns >= limits.problem_lost_ns;
-  const std::uint32_t problem_bits =
-      problem_lost ? std::uint32_t{status_problem_lost} : problem_old ? std::uint32_t{status_problem_old} : 0u;
+  const std::uint32_t problem_bits = problem_lost  ? std::uint32_t{status_problem_lost}
+                                     : problem_old ? std::uint32_t{status_problem_old}
+                                                   : 0u;
 
   if (input.presence.conflict) {
     ++s.conflicts;

@@ -8,7 +8,6 @@
 namespace hapticd {
 namespace {
 
-constexpr int haptic_priority = 80;
 constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
 // Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
 constexpr double haptic_margin = 0.15;  // in alarm distances

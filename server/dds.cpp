@@ -25,8 +25,13 @@ dds_entity_t require(dds_entity_t code, const std::string& what) {
   return code;
 }
 
-Domain::Domain(std::uint32_t id, const std::string& xml)
-    : id_(id), entity_(require(dds_create_domain(id, xml.c_str()), "domain " + std::to_string(id))) {}
+Domain::Domain(std::uint32_t id, const std::string& xml) : id_(id) {
+  const std::string what = "domain " + std::to_string(id);
+  if (xml.find(">Realtime<") != std::string::npos && !realtime_allowed())
+    throw std::runtime_error("DDS: cannot make " + what + ": its profile asks for real-time threads and this "
+                             "process has no right to SCHED_FIFO; use the profile loopback");
+  entity_ = DdsEntity(require(dds_create_domain(id, xml.c_str()), what));
+}
 
 Participant::Participant(const Domain& domain)
     : entity_(require(dds_create_participant(domain.id(), nullptr, nullptr),
@@ -46,8 +51,8 @@ Qos retained_qos() {
   dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(100));
   dds_qset_durability(qos.get(), DDS_DURABILITY_TRANSIENT_LOCAL);
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
-  dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
-                              DDS_LENGTH_UNLIMITED);
+  dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED,
+                              DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   return qos;
 }
 

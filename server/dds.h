@@ -57,6 +57,8 @@ class DdsEntity {
 };
 
 // A domain with an explicit configuration (the XML text itself); CYCLONEDDS_URI is not consulted.
+// Throws as well where the XML asks for Realtime threads and the process may not have them: Cyclone
+// 0.10 would abort the process.
 // Its threads take affinity and, where the profile is silent, policy from the thread that makes it:
 // make it before any thread goes SCHED_FIFO.
 class Domain {
@@ -127,8 +129,9 @@ struct TopicTraits<hapticd_msg_SceneUpdate> {
 template <typename T>
 DdsEntity make_topic(const Participant& participant) {
   using Traits = TopicTraits<T>;
-  return DdsEntity(require(dds_create_topic(participant.handle(), &Traits::descriptor(), Traits::name, nullptr, nullptr),
-                           std::string("topic ") + Traits::name));
+  return DdsEntity(require(
+      dds_create_topic(participant.handle(), &Traits::descriptor(), Traits::name, nullptr, nullptr),
+      std::string("topic ") + Traits::name));
 }
 
 template <typename T>
@@ -146,7 +149,8 @@ class Writer {
   // How many readers listen.
   int matched() const noexcept {
     dds_publication_matched_status_t s{};
-    return dds_get_publication_matched_status(entity_.handle(), &s) == DDS_RETCODE_OK ? int(s.current_count) : 0;
+    const dds_return_t code = dds_get_publication_matched_status(entity_.handle(), &s);
+    return code == DDS_RETCODE_OK ? static_cast<int>(s.current_count) : 0;
   }
   dds_entity_t handle() const noexcept { return entity_.handle(); }
 
@@ -194,7 +198,8 @@ class Reader {
   // How many writers there are.
   int matched() const noexcept {
     dds_subscription_matched_status_t s{};
-    return dds_get_subscription_matched_status(entity_.handle(), &s) == DDS_RETCODE_OK ? int(s.current_count) : 0;
+    const dds_return_t code = dds_get_subscription_matched_status(entity_.handle(), &s);
+    return code == DDS_RETCODE_OK ? static_cast<int>(s.current_count) : 0;
   }
   dds_entity_t handle() const noexcept { return entity_.handle(); }
 

@@ -21,7 +21,9 @@ DeviceSample sample_from(const hapticd_msg_DeviceState& m) noexcept {
 }
 
 hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample& f) noexcept {
-  const auto microseconds = [](std::int64_t ns) { return static_cast<float>(1e-3 * static_cast<double>(ns)); };
+  const auto microseconds = [](std::int64_t ns) {
+    return static_cast<float>(1e-3 * static_cast<double>(ns));
+  };
   const auto small = [](std::uint32_t n) { return static_cast<std::uint16_t>(std::min(n, 65535u)); };
   hapticd_msg_ForceCommand m{};
   m.device_id = device_id;
@@ -88,8 +90,8 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
     const dds_sample_info_t& info = infos_[i];
     if (samples_[i].device_id != device_id_) continue;
     if (!info.valid_data) {
-      if (info.instance_state == DDS_NOT_ALIVE_NO_WRITERS_INSTANCE_STATE || info.publication_handle == pinned_)
-        pinned_ = 0;
+      const bool nobody = info.instance_state == DDS_NOT_ALIVE_NO_WRITERS_INSTANCE_STATE;
+      if (nobody || info.publication_handle == pinned_) pinned_ = 0;
       continue;
     }
     if (!admit(info.publication_handle, now_ns)) continue;
@@ -106,6 +108,8 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
   return taken && presence_.connected;
 }
 
-void DdsDevicePort::write(const ForceSample& force) noexcept { writer_.write(message_from(device_id_, force)); }
+void DdsDevicePort::write(const ForceSample& force) noexcept {
+  writer_.write(message_from(device_id_, force));
+}
 
 }  // namespace hapticd

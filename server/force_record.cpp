@@ -18,12 +18,12 @@ void ForceRecordWriter::write(const ForceRecord& r) {
   char line[640];
   const int n = std::snprintf(
       line, sizeof line,
-      "%.6f,%llu,%llu,%.8g,%.8g,%.8g,%.8g,%.8g,%.8g,%.8g,%u,%.8g,%.8g,%.8g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%llu,"
-      "%.2f,%.4f,%.2f,%.2f,%u,%u,%.3f,%.6g\n",
+      "%.6f,%llu,%llu,%.8g,%.8g,%.8g,%.8g,%.8g,%.8g,%.8g,%u,%.8g,%.8g,%.8g,"
+      "%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%llu,%.2f,%.4f,%.2f,%.2f,%u,%u,%.3f,%.6g\n",
       in(r.time_ns - first_ns_, 1e-9), static_cast<unsigned long long>(f.sequence),
       static_cast<unsigned long long>(f.echo_sequence), r.device.p.x(), r.device.p.y(), r.device.p.z(),
-      r.device.q.x(), r.device.q.y(), r.device.q.z(), r.device.q.w(), r.instrument.buttons, r.instrument.X.p.x(),
-      r.instrument.X.p.y(), r.instrument.X.p.z(), f.force.x(), f.force.y(), f.force.z(), f.torque.x(),
+      r.device.q.x(), r.device.q.y(), r.device.q.z(), r.device.q.w(), r.instrument.buttons,
+      r.instrument.X.p.x(), r.instrument.X.p.y(), r.instrument.X.p.z(), f.force.x(), f.force.y(), f.force.z(), f.torque.x(),
       f.torque.y(), f.torque.z(), f.status, static_cast<unsigned long long>(f.step), in(f.state_age_ns, 1e-3),
       in(f.problem_age_ns, 1e-6), in(f.wake_ns, 1e-3), in(f.solve_ns, 1e-3), f.contacts, f.active,
       1e6 * f.penetration, f.energy);

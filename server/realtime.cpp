@@ -51,7 +51,7 @@ std::vector<int> present_cores() {
 
 bool realtime_allowed() {
   int error = 0;
-  std::thread([&error] { error = set_fifo(1); }).join();
+  std::thread([&error] { error = set_fifo(haptic_priority); }).join();
   return error == 0;
 }
 

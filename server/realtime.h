@@ -16,7 +16,10 @@ struct Grant {
   std::string detail;   // why not, and what would help; empty when granted
 };
 
-// Whether this process may use SCHED_FIFO at all, tried on a thread that ends at once.
+// The haptic loop's priority, the highest that the daemon uses.
+inline constexpr int haptic_priority = 80;
+
+// Whether this process may use SCHED_FIFO up to that priority, tried on a thread that ends at once.
 bool realtime_allowed();
 
 // Process-wide: malloc keeps its pages (M_MMAP_THRESHOLD, M_TRIM_THRESHOLD 1 GiB: page faults cost a

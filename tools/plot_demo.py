@@ -23,6 +23,7 @@ ACCENT = "#c2410c"
 INK = "#33383f"
 GREY = "#9aa1aa"
 TISSUE = np.array([0.80, 0.83, 0.87])
+ELEVATION, AZIMUTH = 50, -65  # of the eye: in front and above [degrees]
 LABEL_BOX = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 CUT = np.array([0.83, 0.36, 0.16])
 
@@ -150,15 +151,19 @@ def draw_surface(axes, points, triangles, cut, centre, half):
     corner = points[triangles]
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    elevation, azimuth = np.radians(ELEVATION), np.radians(AZIMUTH)
+    eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    seen = normal @ eye > 0  # the painter's order only has to sort what faces the eye
+    corner, normal, cut = corner[seen], normal[seen], cut[seen]
     light = np.array([-0.45, -0.55, 0.70])
     light /= np.linalg.norm(light)
     shade = 0.50 + 0.50 * np.clip(normal @ light, 0, 1) + 0.06 * normal[:, 2]
     colour = np.where(cut[:, None], CUT, TISSUE) * shade[:, None]
-    facets = Poly3DCollection(corner, facecolors=np.clip(colour, 0, 1), edgecolors=(0.2, 0.22, 0.25, 0.18),
-                              linewidths=0.25)
+    facets = Poly3DCollection(corner, facecolors=np.clip(colour, 0, 1), edgecolors=(0.2, 0.22, 0.25, 0.30),
+                              linewidths=0.35)
     axes.add_collection3d(facets)
-    axes.set_proj_type("persp", focal_length=2.0)
-    axes.view_init(elev=48, azim=-65)
+    axes.set_proj_type("ortho")
+    axes.view_init(elev=ELEVATION, azim=AZIMUTH)
     axes.set_xlim(centre[0] - half, centre[0] + half)
     axes.set_ylim(centre[1] - half, centre[1] + half)
     axes.set_zlim(centre[2] - 0.55 * half, centre[2] + 0.55 * half)

@@ -12,8 +12,8 @@
 // samples around a sharp edge, whose face is turned away although the instrument is on it. More
 // candidates than capacity: the smallest gaps are kept and the rest counted in `dropped`.
 // A contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue next to
-// fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 tr B_ii − tr G_ii)/3 · I,
-// G_ii the tissue's part. The coupling's part has rank ≤ 6, rigid friction is hyperstatic without it.
+// fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I,
+// means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, rigid friction is hyperstatic without it.
 // Units: δ in m, λ in N, J·twist in m. Friction rows exist only where some μ > 0.
 // Anchors: a sample that sticks keeps the place in the instrument's frame where it began to stick;
 // a sliding or new one takes its place of the previous solve (slip is per solve, not per step).

@@ -12,8 +12,14 @@ namespace {
 
 constexpr std::int64_t ms = 1'000'000;
 
+struct Outcome {
+  long allocations = -1, frees = -1;
+  double peak = 0;           // [N]
+  std::uint32_t status = 0;  // every bit that was set on the way
+};
+
 // A stroke through a soft sheet with everything that can happen to it on the way.
-void stroke(double friction, Renewal renewal, long& allocations, long& frees, double& peak, std::uint32_t& status) {
+Outcome stroke(double friction, Renewal renewal) {
   Random random(11);
   SheetSettings sheet;
   sheet.friction = friction;
@@ -33,8 +39,7 @@ void stroke(double friction, Renewal renewal, long& allocations, long& frees, do
 
   HapticInput input;
   input.presence.connected = true;
-  peak = 0;
-  status = 0;
+  Outcome out;
   const MallocGuard guard;
   for (int i = 1; i <= 1500; ++i) {
     input.now_ns = (1000 + i) * ms + (i == 700 ? 7 * ms : 0);
@@ -51,28 +56,26 @@ void stroke(double friction, Renewal renewal, long& allocations, long& frees, do
     problem->topology_changed = i / 20 % 7 == 0;
     problem->published_ns = i < 1000 || i > 1100 ? input.now_ns : 2000 * ms;
     const ForceSample f = haptic_step(problem.get(), instrument, device, options, input, *state);
-    peak = std::max(peak, f.force.norm());
-    status |= f.status;
+    out.peak = std::max(out.peak, f.force.norm());
+    out.status |= f.status;
   }
-  allocations = guard.allocations();
-  frees = guard.frees();
+  out.allocations = guard.allocations();
+  out.frees = guard.frees();
+  return out;
 }
 
 TEST(Allocation, HapticStepAllocatesNothingWhateverHappens) {
   if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
   for (const double friction : {0.0, 0.4})
     for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
-      long allocations = -1, frees = -1;
-      double peak = 0;
-      std::uint32_t status = 0;
-      stroke(friction, renewal, allocations, frees, peak, status);
-      EXPECT_EQ(allocations, 0);
-      EXPECT_EQ(frees, 0);
-      EXPECT_GT(peak, 1e-3);  // it was in contact
-      const std::uint32_t passed = status_disarmed | status_holding | status_ramping_down | status_ramping_up |
-                                   status_problem_old | status_gap | status_rejected | status_conflict |
-                                   status_blending;
-      EXPECT_EQ(status & passed, passed);
+      const Outcome o = stroke(friction, renewal);
+      EXPECT_EQ(o.allocations, 0);
+      EXPECT_EQ(o.frees, 0);
+      EXPECT_GT(o.peak, 1e-3);  // it was in contact
+      const std::uint32_t passed = status_disarmed | status_holding | status_ramping_down |
+                                   status_ramping_up | status_problem_old | status_gap | status_rejected |
+                                   status_conflict | status_blending;
+      EXPECT_EQ(o.status & passed, passed);
     }
 }
 

@@ -11,7 +11,8 @@ namespace {
 
 // Nearest rank on the sorted data: the definition.
 std::int64_t percentile_of(const std::vector<std::int64_t>& sorted, double p) {
-  const auto rank = static_cast<std::size_t>(std::max(1.0, std::ceil(p / 100 * double(sorted.size()) - 1e-9)));
+  const double wanted = std::ceil(p / 100 * double(sorted.size()) - 1e-9);
+  const auto rank = static_cast<std::size_t>(std::max(1.0, wanted));
   return sorted[rank - 1];
 }
 

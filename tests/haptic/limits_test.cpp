@@ -47,7 +47,8 @@ TEST(Limits, TogetherTheyHoldForAnyRequest) {
   Wrench last;
   for (int i = 0; i < 20'000; ++i) {
     bool hit = false;
-    const Wrench asked{Vec3(any(random), any(random), any(random)), Vec3(any(random), any(random), any(random))};
+    const Wrench asked{Vec3(any(random), any(random), any(random)),
+                       Vec3(any(random), any(random), any(random))};
     const Wrench sent = slew_limited(d, last, saturated(d, asked, hit), 1e-3, hit);
     ASSERT_LE(sent.force.norm(), d.max_force * (1 + 1e-12));
     ASSERT_LE(sent.torque.norm(), d.max_torque * (1 + 1e-12));

@@ -85,7 +85,8 @@ TEST_F(Loop, AfterAStallSlotsAreLeftOutAndNeverMadeUpForInABurst) {
   // Every slot of the elapsed time is accounted for, run or missed.
   EXPECT_NEAR(static_cast<double>(s.scheduled()), 1e-6 * static_cast<double>(elapsed), 3);
   // In any 10 ms no more ticks than slots (and the one that opens the window).
-  for (std::size_t i = 0; i + 11 < port.begun.size(); ++i) EXPECT_GT(port.begun[i + 11] - port.begun[i], 10 * ms);
+  for (std::size_t i = 0; i + 11 < port.begun.size(); ++i)
+    EXPECT_GT(port.begun[i + 11] - port.begun[i], 10 * ms);
   // The slots behind the stall count with the time that they had to wait.
   EXPECT_GE(s.wake.snapshot().count, s.scheduled());
   EXPECT_GE(s.wake.snapshot().max, 18 * ms);

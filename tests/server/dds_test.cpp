@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "server/device_bridge.h"
+#include "server/realtime.h"
 #include "tests/support/malloc_guard.h"
 
 namespace hapticd {
@@ -66,7 +67,8 @@ struct Dds : testing::Test {
     });
   }
   void connect(Client& client) {
-    ASSERT_TRUE(within_two_seconds([&] { return client.writer.matched() > 0 && client.reader.matched() > 0; }));
+    ASSERT_TRUE(
+        within_two_seconds([&] { return client.writer.matched() > 0 && client.reader.matched() > 0; }));
   }
 };
 
@@ -106,7 +108,8 @@ TEST_F(Dds, StateArrivesWholeAndTheForceEchoesIt) {
   port.write(force);
   hapticd_msg_ForceCommand got{};
   ASSERT_TRUE(within_two_seconds([&] {
-    return client.reader.take_each([&](const hapticd_msg_ForceCommand& m, const dds_sample_info_t&) { got = m; }) > 0;
+    const auto keep = [&](const hapticd_msg_ForceCommand& m, const dds_sample_info_t&) { got = m; };
+    return client.reader.take_each(keep) > 0;
   }));
   EXPECT_EQ(got.device_id, device_id);
   EXPECT_EQ(got.number, 9u);
@@ -304,6 +307,16 @@ TEST_F(Dds, DomainThatExistsOrIsBadlyConfiguredIsNamedInTheError) {
   EXPECT_THROW(Domain(domain.id() + 1, "<CycloneDDS><Domain><Nonsense/></Domain></CycloneDDS>"),
                std::runtime_error);
   EXPECT_THROW(read_dds_profile("no-such-profile"), std::exception);
+}
+
+TEST_F(Dds, RealtimeProfileEitherWorksOrSaysWhyNotAndTheDefaultAlwaysWorks) {
+  const std::uint32_t id = (domain.id() + 50) % 200;
+  if (realtime_allowed()) {
+    EXPECT_NO_THROW(Domain(id, read_dds_profile("loopback_realtime")));
+  } else {
+    EXPECT_THROW(Domain(id, read_dds_profile("loopback_realtime")), std::runtime_error);
+  }
+  EXPECT_NO_THROW(Domain(id, default_dds_profile()));
 }
 
 }  // namespace

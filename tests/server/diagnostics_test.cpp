@@ -103,7 +103,8 @@ TEST(Diagnostics, LateReaderGetsTheSceneAndTheRecordingHasEveryTick) {
     EXPECT_EQ(nodes, 12u);
     float z = 0;
     EXPECT_TRUE(within_two_seconds([&] {
-      update.take_each([&](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) { z = m.nodes._buffer[11]; });
+      update.take_each(
+          [&](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) { z = m.nodes._buffer[11]; });
       return z > 0;
     }));
     EXPECT_EQ(z, 1.25f);

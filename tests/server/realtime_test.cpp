@@ -31,7 +31,7 @@ TEST(Realtime, GrantSaysWhatTheThreadThenHas) {
   int policy = -1;
   std::string detail;
   std::thread([&] {
-    const Grant grant = use_fifo(80);
+    const Grant grant = use_fifo(haptic_priority);
     granted = grant.granted;
     detail = grant.detail;
     policy = policy_of_caller();

@@ -199,6 +199,7 @@ TEST(ContactSolve, StickDoesNotCreep) {
     Sheet s(0.8);
     s.problem->renewal = renewal;
     Loop loop;
+    loop.options.margin = 0.04e-3;
     for (int tick = 0; tick <= 30; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
     for (int tick = 0; tick <= 20; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 3e-6 * tick));
     ContactSolution held;

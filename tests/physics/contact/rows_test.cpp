@@ -39,9 +39,13 @@ Scene pressed(std::uint64_t seed, double friction, double margin = 0.5e-3) {
 }
 
 Vec6 twist(Random& random, double size) {
+  const Vec3 along = unit_vector(random), about = unit_vector(random);
   Vec6 d;
-  d << unit_vector(random), 200 * unit_vector(random);
-  return size * d;
+  for (int c = 0; c < 3; ++c) {
+    d[c] = size * along[c];
+    d[3 + c] = 200 * size * about[c];
+  }
+  return d;
 }
 
 TEST(ContactFrame, IsARotationWithTheNormalFirst) {
