@@ -41,7 +41,11 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   // Its wrench is zero then; said again as NaN, so that it takes the one way that latches.
   if (solution.status == SolveStatus::not_finite)
     return {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
-  if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
+  if (solution.status != SolveStatus::solved) {
+    answer.status |= status_solver_cap;
+    // A poor iterate may be anything: the last good wrench is held instead.
+    if (solution.residual > options.usable_residual) return s.rendered;
+  }
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   return {force_to_device(device, solution.wrench.head<3>()),
           torque_to_device(device, solution.wrench.tail<3>())};

@@ -19,6 +19,7 @@ struct HapticOptions {
   WatchdogLimits watchdog;
   ContactOptions contact;
   double blend_time = 5e-3;        // [s]
+  double usable_residual = 1e-3;   // natural map; a capped solve that is worse is not felt
   bool passivity_control = false;  // the observer always runs
 };
 

@@ -172,7 +172,9 @@ ContactSolution solve_contact(const CondensedProblem& problem, const Instrument&
   }
   out.contacts = scratch.rows.contacts;
   out.dropped = scratch.rows.dropped;
-  if (out.status == SolveStatus::not_finite || !out.wrench.allFinite()) {
+  // A pose that is not finite selects no rows and solves nothing, but would spoil the coupling's memory.
+  if (out.status == SolveStatus::not_finite || !out.wrench.allFinite() || !X_device.p.allFinite() ||
+      !X_device.q.coeffs().allFinite()) {
     state = ContactState{};
     std::fill(scratch.lambda.begin(), scratch.lambda.end(), 0.0);
     out.status = SolveStatus::not_finite;

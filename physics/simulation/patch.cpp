@@ -103,11 +103,13 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
                             .cross(body.state.x[t[2]] - body.state.x[t[0]])
                             .stableNormalized();
     for (std::size_t k = 0; k < weights.size(); ++k) {
+      const Vec3 x = weighted(weights[k], body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
+      if (gap_at(instrument, X, x).distance >= alarm) continue;
       PatchSample& s = problem.sample[problem.samples++];
       s.id = sample_id(b, face.id, static_cast<int>(k));
       s.node = node;
       s.weight = weights[k];
-      s.free = weighted(weights[k], body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
+      s.free = x;
       s.outward = normal;
       s.friction = body.friction;
     }
