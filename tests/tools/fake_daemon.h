@@ -3,6 +3,8 @@
 //   F = −k p for the newest state, 0 while `enable` is false;  one status, one tetrahedron as scene
 #pragma once
 
+#include <unistd.h>
+
 #include <atomic>
 #include <chrono>
 #include <stdexcept>
@@ -11,6 +13,10 @@
 #include "server/device_bridge.h"
 
 namespace hapticd {
+
+// A DDS domain that no other test process on this machine is likely to use. Its ports lie below the
+// ephemeral ones.
+inline std::uint32_t test_domain() { return 40 + static_cast<std::uint32_t>(getpid()) % 60; }
 
 class FakeDaemon {
  public:

@@ -1,4 +1,4 @@
-// The commands against a daemon over loopback DDS, each in a domain of its own.
+// The commands against a daemon over loopback DDS, in a domain of the process's own.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -10,6 +10,8 @@
 
 namespace hapticd {
 namespace {
+
+std::string domain() { return " --domain " + std::to_string(test_domain()) + " "; }
 
 nlohmann::json read_json(const std::string& file) { return nlohmann::json::parse(std::ifstream(file)); }
 
@@ -26,11 +28,11 @@ std::string recording(const ScratchDirectory& scratch) {
 
 TEST(Replay, PlaysARecordingAndAccountsForEverySlot) {
   const ScratchDirectory scratch;
-  FakeDaemon daemon(87, 10, 3);
-  const CommandResult result = run_haptic(
-      "replay " + recording(scratch) + " --units mm --domain 87 --device-id 3 --min-answered 0.5 --json " +
-      scratch.file("figures.json") + " --forces " + scratch.file("forces.csv") + " --snapshots " +
-      scratch.file("surfaces"));
+  FakeDaemon daemon(test_domain(), 10, 3);
+  const CommandResult result =
+      run_haptic("replay " + recording(scratch) + " --units mm " + domain() +
+                 "--device-id 3 --min-answered 0.5 --json " + scratch.file("figures.json") + " --forces " +
+                 scratch.file("forces.csv") + " --snapshots " + scratch.file("surfaces"));
   ASSERT_EQ(result.code, 0) << result.output;
   const nlohmann::json figures = read_json(scratch.file("figures.json"));
   EXPECT_EQ(figures["slots_scheduled"], 1201);
@@ -72,10 +74,10 @@ TEST(Replay, PlaysARecordingAndAccountsForEverySlot) {
 
 TEST(Replay, CentresAndSpeedsUp) {
   const ScratchDirectory scratch;
-  FakeDaemon daemon(88, 10);
+  FakeDaemon daemon(test_domain(), 10);
   const CommandResult result =
-      run_haptic("replay " + recording(scratch) +
-                 " --units mm --centre --scale 0.5 --speed 4 --domain 88 --min-answered 0.3 "
+      run_haptic("replay " + recording(scratch) + " --units mm --centre --scale 0.5 --speed 4 " + domain() +
+                 "--min-answered 0.3 "
                  "--json " +
                  scratch.file("figures.json"));
   ASSERT_EQ(result.code, 0) << result.output;
@@ -87,20 +89,19 @@ TEST(Replay, CentresAndSpeedsUp) {
 
 TEST(Replay, SaysWhenNobodyKnowsTheDevice) {
   const ScratchDirectory scratch;
-  FakeDaemon daemon(89, 10, 1);
+  FakeDaemon daemon(test_domain(), 10, 1);
   const CommandResult result =
-      run_haptic("replay " + recording(scratch) + " --domain 89 --device-id 2 --arm-wait 0.5");
+      run_haptic("replay " + recording(scratch) + " " + domain() + "--device-id 2 --arm-wait 0.5");
   EXPECT_EQ(result.code, 1);
   EXPECT_NE(result.output.find("no force for device 2"), std::string::npos) << result.output;
 }
 
 TEST(Replay, FailsWhenTooFewSlotsAreAnswered) {
   const ScratchDirectory scratch;
-  FakeDaemon daemon(90, 10);
+  FakeDaemon daemon(test_domain(), 10);
   const CommandResult result =
-      run_haptic("replay " + recording(scratch) +
-                 " --units mm --domain 90 --no-enable --min-answered 1.0 --speed 10 --json " +
-                 scratch.file("figures.json"));
+      run_haptic("replay " + recording(scratch) + " --units mm " + domain() +
+                 "--no-enable --min-answered 1.0 --speed 10 --json " + scratch.file("figures.json"));
   const nlohmann::json figures = read_json(scratch.file("figures.json"));
   EXPECT_EQ(result.code, figures["slots_answered"] == figures["slots_scheduled"] ? 0 : 1) << result.output;
   EXPECT_EQ(figures["force_peak_n"], 0);
@@ -110,9 +111,9 @@ TEST(Replay, FailsWhenTooFewSlotsAreAnswered) {
 // Hand spring k and wall spring K: the hand rests at d k / (k + K), pushed back by K times that.
 TEST(Hand, BalancesAgainstASpringOverDds) {
   const ScratchDirectory scratch;
-  FakeDaemon daemon(92, 100);
+  FakeDaemon daemon(test_domain(), 100);
   const CommandResult result = run_haptic(
-      "hand --stiffness 300 --damping 15 --press 0.01,0.1,1.5 --domain 92 --min-answered 0.3 --json " +
+      "hand --stiffness 300 --damping 15 --press 0.01,0.1,1.5 " + domain() + "--min-answered 0.3 --json " +
       scratch.file("figures.json") + " --forces " + scratch.file("forces.csv"));
   ASSERT_EQ(result.code, 0) << result.output;
   std::ifstream forces(scratch.file("forces.csv"));
