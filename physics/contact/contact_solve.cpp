@@ -67,7 +67,8 @@ bool sticks(const ContactScratch& scratch, int i) noexcept {
   const auto W = rows.W();
   const Eigen::Map<const VecX> lambda(scratch.lambda.data(), rows.rows());
   // W is symmetric: its columns are its rows, and contiguous.
-  const Eigen::Vector2d slip = W.middleCols<2>(3 * i + 1).transpose() * lambda + rows.q().segment<2>(3 * i + 1);
+  const int t = 3 * i + 1;
+  const Eigen::Vector2d slip = W.middleCols<2>(t).transpose() * lambda + rows.q().segment<2>(t);
   return slip.norm() <= sticking_slip * W.block<3, 3>(3 * i, 3 * i).trace() / 3 * l.norm();
 }
 

@@ -1,7 +1,7 @@
 // One contact solve at a device pose: linearise, solve, renew, solve again. Both loops call it.
 //
 //   repeat `linearisations` times:
-//     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ,  X_lin = X_instrument
+//     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
 //
 // The first linearisation is at the last solve's forces and coupling offset, found again by sample id.
 // Virtual coupling with a massless proxy: e = X_device ⊖ X_instrument,

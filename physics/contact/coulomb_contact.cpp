@@ -17,7 +17,8 @@ CoulombContact::CoulombContact(const Mat3& A, double mu) noexcept : a_nn_(A(0, 0
   to_n_ = a_tn / a_nn_;
   if (mu_ <= 0) return;
   const Eigen::Matrix2d S = A.bottomRightCorner<2, 2>() - to_n_ * a_tn.transpose();
-  const double mean = 0.5 * (S(0, 0) + S(1, 1)), half = 0.5 * (S(0, 0) - S(1, 1)), off = 0.5 * (S(0, 1) + S(1, 0));
+  const double mean = 0.5 * (S(0, 0) + S(1, 1)), half = 0.5 * (S(0, 0) - S(1, 1));
+  const double off = 0.5 * (S(0, 1) + S(1, 0));
   const double radius = std::hypot(half, off), least = std::numeric_limits<double>::epsilon() * a_nn_;
   eigenvalue_ = {std::max(mean + radius, least), std::max(mean - radius, least)};
   const double angle = 0.5 * std::atan2(off, half);

@@ -145,7 +145,10 @@ bool newton_step(const CoulombSystem& s, const double* lambda, CoulombWorkspace&
     u.contact = i;
     ++contacts;
     Eigen::Map<Vec3> base(ws.trial.data() + 3 * i);
-    base = u.mode == Mode::slip ? Vec3(u.lambda_n * u.along) : u.mode == Mode::stick ? Vec3(l) : Vec3(l[0], 0, 0);
+    if (u.mode == Mode::slip)
+      base = u.lambda_n * u.along;
+    else
+      base = u.mode == Mode::stick ? Vec3(l) : Vec3(l[0], 0, 0);
   }
   for (;;) {
     const std::span<Unknowns> unknown(storage.data(), static_cast<std::size_t>(contacts));

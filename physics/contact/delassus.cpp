@@ -10,7 +10,8 @@ constexpr double rigid_compliance = 1e-3;  // of the coupling's, at contacts wit
 // Column panel of one contact: how nodes and instrument move per unit of its force in each frame direction.
 class Panel {
  public:
-  void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row, int columns) noexcept {
+  void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row,
+            int columns) noexcept {
     const PatchSample& s = problem.sample[row.sample];
     deforms_ = s.node[0] >= 0;
     for (int c = 0; c < columns; ++c) {

@@ -77,7 +77,8 @@ class Pivoting {
     double least = 0;
     for (int i = 0; i < n_; ++i) {
       const double root = std::sqrt(ws_.diagonal[i]);
-      if (active_[i] || ws_.blocked[i] || ws_.w[i] >= -w_noise(i, weighted) || ws_.w[i] / root >= least) continue;
+      if (active_[i] || ws_.blocked[i] || ws_.w[i] >= -w_noise(i, weighted)) continue;
+      if (ws_.w[i] / root >= least) continue;
       least = ws_.w[i] / root;
       worst = i;
     }

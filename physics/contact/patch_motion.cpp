@@ -22,7 +22,8 @@ void apply_compliance(const CondensedProblem& problem, const NodeForces& f, Patc
     const double* column = problem.C_pp.data() + static_cast<std::ptrdiff_t>(j) * size;
     for (int i = 0; i < size; ++i) u[i] += f[j] * column[i];
   }
-  for (int a = 0; a < problem.nodes; ++a) x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
+  for (int a = 0; a < problem.nodes; ++a)
+    x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
 }
 
 }  // namespace
@@ -46,7 +47,8 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
   apply_compliance(problem, f, x);
 }
 
-void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory, PatchPositions& x) noexcept {
+void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
+                     PatchPositions& x) noexcept {
   NodeForces f{};
   const auto begin = problem.sample.begin(), end = begin + problem.samples;
   for (int m = 0; m < memory.count; ++m) {

@@ -33,7 +33,8 @@ int select(const CondensedProblem& problem, const Instrument& instrument, const 
     };
     std::nth_element(begin, begin + max_contacts, begin + count, nearer);
     count = max_contacts;
-    std::sort(begin, begin + count, [](const Candidate& a, const Candidate& b) { return a.sample < b.sample; });
+    std::sort(begin, begin + count,
+              [](const Candidate& a, const Candidate& b) { return a.sample < b.sample; });
   }
   return count;
 }

@@ -13,7 +13,8 @@
 // candidates than capacity: the smallest gaps are kept and the rest counted in `dropped`.
 // A contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue next to
 // fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I,
-// means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, rigid friction is hyperstatic without it.
+// means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, and rigid
+// friction is hyperstatic without it.
 // Units: δ in m, λ in N, J·twist in m. Friction rows exist only where some μ > 0.
 // Anchors: a sample that sticks keeps the place in the instrument's frame where it began to stick;
 // a sliding or new one takes its place of the previous solve (slip is per solve, not per step).
@@ -105,6 +106,7 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows,
                      std::span<const double> lambda, PatchPositions& x) noexcept;
 
 // The same for the forces of a previous solve, found by sample id; forgotten samples carry none.
-void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory, PatchPositions& x) noexcept;
+void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
+                     PatchPositions& x) noexcept;
 
 }  // namespace hapticd

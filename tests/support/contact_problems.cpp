@@ -55,7 +55,8 @@ std::unique_ptr<CondensedProblem> sheet_problem(Random& random, const SheetSetti
   problem->nodes = s.nodes * s.nodes;
   for (int j = 0; j < s.nodes; ++j)
     for (int i = 0; i < s.nodes; ++i)
-      problem->x_free[s.nodes * j + i] = s.side * Vec3(i / (s.nodes - 1.0) - 0.5, j / (s.nodes - 1.0) - 0.5, 0);
+      problem->x_free[s.nodes * j + i] =
+          s.side * Vec3(i / (s.nodes - 1.0) - 0.5, j / (s.nodes - 1.0) - 0.5, 0);
   problem->x_now = problem->x_free;
   for (int j = 0; j + 1 < s.nodes; ++j)
     for (int i = 0; i + 1 < s.nodes; ++i) {

@@ -134,7 +134,8 @@ TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
   Vec6 gradient;
   for (int c = 0; c < 6; ++c) {
     const double step = c < 3 ? h : h / 2e-3;
-    gradient[c] = (energy(displaced(X, step * Vec6::Unit(c))) - energy(displaced(X, -step * Vec6::Unit(c)))) / (2 * step);
+    const Vec6 d = step * Vec6::Unit(c);
+    gradient[c] = (energy(displaced(X, d)) - energy(displaced(X, -d))) / (2 * step);
   }
   energy(X);
   EXPECT_GT(wrench[2], 1e-3);
@@ -201,12 +202,14 @@ TEST(ContactSolve, StickDoesNotCreep) {
     Loop loop;
     loop.options.margin = 0.04e-3;
     for (int tick = 0; tick <= 30; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
-    for (int tick = 0; tick <= 20; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 3e-6 * tick));
+    for (int tick = 0; tick <= 20; ++tick)
+      loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 3e-6 * tick));
     ContactSolution held;
-    for (int tick = 0; tick < 200; ++tick) held = loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 60e-6));
+    const Pose hold = Sheet::at(0.3e-3, 60e-6);
+    for (int tick = 0; tick < 200; ++tick) held = loop.solve(*s.problem, s.instrument, hold);
     EXPECT_LT(held.wrench[0], -1e-4);  // dragged towards +x, pulled back
     ContactSolution later;
-    for (int tick = 0; tick < 10000; ++tick) later = loop.solve(*s.problem, s.instrument, Sheet::at(0.3e-3, 60e-6));
+    for (int tick = 0; tick < 10000; ++tick) later = loop.solve(*s.problem, s.instrument, hold);
     EXPECT_LT((later.wrench - held.wrench).norm(), 1e-9 * held.wrench.norm());
   }
 }
@@ -255,7 +258,8 @@ TEST(ContactSolve, PenetrationIsLeftOnlyByTheLinearisation) {
     const Sheet s(friction);
     Loop loop;
     ContactSolution out;
-    for (int tick = 0; tick <= 30; ++tick) out = loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
+    for (int tick = 0; tick <= 30; ++tick)
+      out = loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
     EXPECT_LT(out.penetration, 1e-6);
     EXPECT_GT(out.active, 1);
     EXPECT_EQ(out.status, SolveStatus::solved);
@@ -273,7 +277,8 @@ TEST(ContactSolve, NotFinitePoseGivesZeroForceAndForgets) {
     const ContactSolution out = loop.solve(*s.problem, s.instrument, broken);
     EXPECT_EQ(out.status, SolveStatus::not_finite);
     EXPECT_TRUE(out.wrench.isZero(0));
-    EXPECT_LT((loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench - before).norm(), 1e-9 * before.norm());
+    const Vec6 after = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench;
+    EXPECT_LT((after - before).norm(), 1e-9 * before.norm());
   }
 }
 

@@ -12,7 +12,8 @@ struct Solved {
   VecX lambda;
 };
 
-Solved solve(const MatX& W, const VecX& q, const std::vector<double>& mu, const CoulombOptions& options = {}) {
+Solved solve(const MatX& W, const VecX& q, const std::vector<double>& mu,
+             const CoulombOptions& options = {}) {
   static const auto workspace = std::make_unique<CoulombWorkspace>();
   Solved s;
   s.lambda = VecX::Zero(q.size());
@@ -21,7 +22,8 @@ Solved solve(const MatX& W, const VecX& q, const std::vector<double>& mu, const 
 }
 
 // The conditions themselves, relative: Signorini, the cone, and friction against slip.
-void expect_coulomb(const Vec3& l, const Vec3& d, double mu, double compliance, double scale, double tolerance) {
+void expect_coulomb(const Vec3& l, const Vec3& d, double mu, double compliance, double scale,
+                    double tolerance) {
   const double force = tolerance * scale, length = tolerance * scale * compliance;
   EXPECT_GE(l[0], -force);
   EXPECT_GE(d[0], -length);
@@ -31,7 +33,8 @@ void expect_coulomb(const Vec3& l, const Vec3& d, double mu, double compliance, 
   if (slip > length && l[0] > force) {
     EXPECT_NEAR(t, mu * l[0], force + 1e-6 * t);
     if (mu > 0) {
-      EXPECT_LE((d.tail<2>() / slip + l.tail<2>() / t).norm() * t, 10 * force * (1 + scale * compliance / slip));
+      const double turned = (d.tail<2>() / slip + l.tail<2>() / t).norm();
+      EXPECT_LE(turned * t, 10 * force * (1 + scale * compliance / slip));
     }
   }
 }
@@ -105,7 +108,8 @@ MatX tissue_like(Random& random, int contacts, double coupling) {
     cross << 0, -place[i].z(), place[i].y(), place[i].z(), 0, -place[i].x(), -place[i].y(), place[i].x(), 0;
     J.middleRows<3>(3 * i) << frame[i].transpose(), -frame[i].transpose() * cross;
     for (int j = 0; j < contacts; ++j)
-      W.block<3, 3>(3 * i, 3 * j) = std::exp(-2 * (place[i] - place[j]).norm()) * frame[i].transpose() * frame[j];
+      W.block<3, 3>(3 * i, 3 * j) =
+          std::exp(-2 * (place[i] - place[j]).norm()) * frame[i].transpose() * frame[j];
   }
   return W + coupling * J * J.transpose();
 }
@@ -178,7 +182,8 @@ TEST(Coulomb, TangentFrameDoesNotMatter) {
     const std::vector<double> mu(static_cast<std::size_t>(contacts), 0.3);
     MatX R = MatX::Zero(q.size(), q.size());
     for (int i = 0; i < contacts; ++i)
-      R.block<3, 3>(3 * i, 3 * i) = Eigen::AngleAxisd(uniform(random, 0, 6), Vec3::UnitX()).toRotationMatrix();
+      R.block<3, 3>(3 * i, 3 * i) =
+          Eigen::AngleAxisd(uniform(random, 0, 6), Vec3::UnitX()).toRotationMatrix();
     const VecX turned = solve(R * W * R.transpose(), R * q, mu, options).lambda;
     EXPECT_LT((R.transpose() * turned - solve(W, q, mu, options).lambda).norm(), 1e-7 * (1 + turned.norm()));
   }
@@ -202,7 +207,8 @@ TEST(Coulomb, SweepsAloneReachTheSameForce) {
     const int contacts = 8;
     const MatX W = tissue_like(random, contacts, 0.1);
     VecX q(3 * contacts);
-    for (int i = 0; i < contacts; ++i) q.segment<3>(3 * i) = Vec3(-1, 0.3 * normal(random), 0.3 * normal(random));
+    for (int i = 0; i < contacts; ++i)
+      q.segment<3>(3 * i) = Vec3(-1, 0.3 * normal(random), 0.3 * normal(random));
     const std::vector<double> mu(static_cast<std::size_t>(contacts), 0.3);
     CoulombOptions sweeps;
     sweeps.max_newton = 0;

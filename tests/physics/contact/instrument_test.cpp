@@ -64,11 +64,13 @@ TEST(Gap, SignsAndHandValues) {
 }
 
 TEST(Gap, DegeneratePlacesHaveAFiniteUnitNormal) {
-  const Primitive convex =
-      make_convex("cube", {{1, 1, 1}, {-1, 1, 1}, {1, -1, 1}, {-1, -1, 1}, {1, 1, -1}, {-1, 1, -1}, {1, -1, -1}, {-1, -1, -1}}, {});
-  for (const Primitive& p : {round_primitive(Shape::sphere, 1, 0), round_primitive(Shape::capsule, 1, 2),
-                             round_primitive(Shape::cylinder, 1, 2), round_primitive(Shape::cylinder, 2, 1), convex})
-    for (const Vec3& x : {Vec3(0, 0, 0), Vec3(0, 0, 1), Vec3(0, 0, 2), Vec3(0, 0, -2), Vec3(1, 0, 2), Vec3(1e-320, 0, 0)}) {
+  const Primitive convex = make_convex(
+      "octahedron", {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}, {});
+  for (const Primitive& p :
+       {round_primitive(Shape::sphere, 1, 0), round_primitive(Shape::capsule, 1, 2),
+        round_primitive(Shape::cylinder, 1, 2), round_primitive(Shape::cylinder, 2, 1), convex})
+    for (const Vec3& x : {Vec3(0, 0, 0), Vec3(0, 0, 1), Vec3(0, 0, 2), Vec3(0, 0, -2), Vec3(1, 0, 2),
+                          Vec3(1e-320, 0, 0)}) {
       const Gap gap = gap_at(p, x);
       EXPECT_TRUE(std::isfinite(gap.distance));
       EXPECT_NEAR(gap.normal.norm(), 1.0, 1e-12);
@@ -84,7 +86,8 @@ Instrument placed_instrument(Random& random) {
   }
   std::vector<Vec3> corners;
   for (int k = 0; k < 12; ++k) corners.push_back(0.7 * unit_vector(random));
-  instrument.primitives.push_back(make_convex("gem", corners, {unit_vector(random), random_rotation(random)}));
+  instrument.primitives.push_back(
+      make_convex("gem", corners, {unit_vector(random), random_rotation(random)}));
   return instrument;
 }
 
@@ -100,7 +103,8 @@ TEST(Gap, NormalIsTheGradientInWorldAxes) {
     Vec3 gradient;
     bool smooth = true;  // away from the surfaces where the nearest feature changes
     for (int c = 0; c < 3; ++c) {
-      const Gap up = gap_at(instrument, X, x + h * Vec3::Unit(c)), down = gap_at(instrument, X, x - h * Vec3::Unit(c));
+      const Gap up = gap_at(instrument, X, x + h * Vec3::Unit(c));
+      const Gap down = gap_at(instrument, X, x - h * Vec3::Unit(c));
       smooth = smooth && (up.normal - down.normal).norm() < 1e-4;
       gradient[c] = (up.distance - down.distance) / (2 * h);
     }
@@ -148,7 +152,8 @@ TEST(MakeConvex, CubeHasSixFacesAndEightVerticesWhateverLiesInsideOrOnIt) {
   std::vector<Vec3> points;
   for (int i = -1; i <= 1; ++i)
     for (int j = -1; j <= 1; ++j)
-      for (int k = -1; k <= 1; ++k) points.emplace_back(2e-3 * i, 1e-3 * j, 1e-3 * k);  // edges, faces, centre
+      for (int k = -1; k <= 1; ++k)
+        points.emplace_back(2e-3 * i, 1e-3 * j, 1e-3 * k);  // also mid-edges, mid-faces and the centre
   points.push_back(points.front());
   const Primitive cube = make_convex("cube", points, {});
   EXPECT_EQ(cube.planes.size(), 6u);
@@ -170,7 +175,8 @@ TEST(MakeConvex, RandomHullsHoldTheirPointsAndSatisfyEuler) {
 }
 
 TEST(MakeConvex, RefusesFlatAndTooFewPoints) {
-  EXPECT_THROW(make_convex("flat", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}, {2, 1, 0}}, {}), std::invalid_argument);
+  EXPECT_THROW(make_convex("flat", {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}, {2, 1, 0}}, {}),
+               std::invalid_argument);
   EXPECT_THROW(make_convex("line", {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}, {}), std::invalid_argument);
   EXPECT_THROW(make_convex("none", {}, {}), std::invalid_argument);
 }

@@ -59,7 +59,8 @@ struct Solved {
   std::vector<std::uint8_t> active;
 };
 
-Solved solve(const MatX& W, const VecX& q, const LcpOptions& options = {}, std::vector<std::uint8_t> active = {}) {
+Solved solve(const MatX& W, const VecX& q, const LcpOptions& options = {},
+             std::vector<std::uint8_t> active = {}) {
   static const auto workspace = std::make_unique<LcpWorkspace>();
   Solved s;
   s.z = VecX::Zero(q.size());

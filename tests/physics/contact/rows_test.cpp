@@ -34,7 +34,8 @@ Scene pressed(std::uint64_t seed, double friction, double margin = 0.5e-3) {
   s.problem = sheet_problem(random, settings);
   s.X = {Vec3(uniform(random, -1e-3, 1e-3), uniform(random, -1e-3, 1e-3), 1.6e-3), random_rotation(random)};
   s.instrument.primitives[0].placement.p = 0.1e-3 * unit_vector(random);
-  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, margin, *s.rows);
+  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, margin,
+             *s.rows);
   return s;
 }
 
@@ -66,7 +67,8 @@ TEST(Rows, DelassusIsHCHtPlusJKJt) {
       ASSERT_GT(s.rows->contacts, 10);
       EXPECT_EQ(s.rows->rows_per_contact, friction > 0 ? 3 : 1);
       const MatX H = dense_H(*s.problem, *s.rows), J = dense_J(*s.rows);
-      const MatX dense = H * s.problem->C() * H.transpose() + J * some_coupling().asDiagonal() * J.transpose();
+      const MatX dense =
+          H * s.problem->C() * H.transpose() + J * some_coupling().asDiagonal() * J.transpose();
       EXPECT_LT((s.rows->W() - dense).norm(), 1e-13 * dense.norm());
       EXPECT_EQ((s.rows->W() - s.rows->W().transpose()).norm(), 0);
       const double least = Eigen::SelfAdjointEigenSolver<MatX>(MatX(s.rows->W())).eigenvalues()[0];
@@ -81,7 +83,8 @@ TEST(Rows, FixedObstacleHasTheCouplingAndAThousandthMore) {
     sample.free = sample_position(*s.problem, s.problem->x_free, k);
     if (k % 2 == 0) sample.node = {-1, -1, -1};
   }
-  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3, *s.rows);
+  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(),
+             s.memory, 0.5e-3, *s.rows);
   const MatX H = dense_H(*s.problem, *s.rows), J = dense_J(*s.rows);
   MatX dense = H * s.problem->C() * H.transpose() + J * some_coupling().asDiagonal() * J.transpose();
   int fixed = 0;
@@ -118,7 +121,8 @@ TEST(Rows, WrenchDoesTheWorkOfTheContactForces) {
     std::vector<double> lambda(static_cast<std::size_t>(s.rows->rows()));
     for (double& l : lambda) l = normal(random);
     const Vec6 wrench = wrench_on_instrument(*s.rows, lambda);
-    const VecX expected = dense_J(*s.rows).transpose() * Eigen::Map<const VecX>(lambda.data(), s.rows->rows());
+    const Eigen::Map<const VecX> l(lambda.data(), s.rows->rows());
+    const VecX expected = dense_J(*s.rows).transpose() * l;
     EXPECT_LT((wrench - expected).norm(), 1e-13 * expected.norm());
   }
   // By hand: a sphere above the sheet is pushed up.
@@ -139,7 +143,8 @@ TEST(Rows, FreeGapIsTheGapToFirstOrderInTissueAndPose) {
   for (const double size : {2e-5, 1e-5, 0.5e-5}) {
     for (int a = 0; a < s.problem->nodes; ++a) s.problem->x_free[a] = x_lin[a] + size * direction[a];
     const Pose X_free = displaced(s.X, size * move);
-    build_rows(*s.problem, s.instrument, X_free, s.X, x_lin, some_coupling(), s.memory, 0.5e-3, *s.rows);
+    build_rows(*s.problem, s.instrument, X_free, s.X, x_lin, some_coupling(),
+               s.memory, 0.5e-3, *s.rows);
     double worst = 0;
     for (int i = 0; i < s.rows->contacts; ++i) {
       const Vec3 x = sample_position(*s.problem, s.problem->x_free, s.rows->row[i].sample);
@@ -163,7 +168,8 @@ TEST(Rows, SlipIsMeasuredFromTheAnchorInTheMovingInstrument) {
     s.memory.entry[i] = {s.rows->row[i].id, Vec3::Zero(), s.X.to_local(x + size * unit_vector(random)), true};
   }
   const Pose X_free = displaced(s.X, twist(random, size));
-  build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3, *s.rows);
+  build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(),
+             s.memory, 0.5e-3, *s.rows);
   for (int i = 0; i < s.rows->contacts; ++i) {
     const ContactRow& row = s.rows->row[i];
     const Vec3 x = sample_position(*s.problem, s.problem->x_free, row.sample);
@@ -181,7 +187,8 @@ TEST(Rows, ShiftEqualsRebuildingWithAnotherFreePose) {
     const VecX unshifted = s.rows->q();
     shift_rows(*s.problem, s.X, X_free, s.memory, *s.rows);
     const VecX shifted = s.rows->q();
-    build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3, *s.rows);
+    build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(),
+               s.memory, 0.5e-3, *s.rows);
     EXPECT_LT((shifted - s.rows->q()).norm(), 1e-15);
     EXPECT_GT((shifted - unshifted).norm(), 1e-6);
   }
@@ -193,7 +200,8 @@ TEST(Rows, OnlySamplesFacingTheInstrumentWithinTheMargin) {
   for (int i = 1; i < s.rows->contacts; ++i) EXPECT_LT(s.rows->row[i - 1].id, s.rows->row[i].id);
   EXPECT_EQ(s.rows->dropped, 0);
   for (int k = 0; k < s.problem->samples; ++k) s.problem->sample[k].outward = -Vec3::UnitZ();  // from inside
-  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, no_coupling, s.memory, 0.5e-3, *s.rows);
+  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, no_coupling,
+             s.memory, 0.5e-3, *s.rows);
   EXPECT_EQ(s.rows->contacts, 0);
 }
 
