@@ -23,9 +23,21 @@ Sequence borrowed(std::vector<T>& v) {
 
 nlohmann::json percentiles(const Histogram& histogram, double unit) {
   const HistogramSnapshot h = histogram.snapshot();
-  return {{"p50", unit * h.percentile(50)},   {"p99", unit * h.percentile(99)},
-          {"p99_9", unit * h.percentile(99.9)}, {"max", unit * static_cast<double>(h.max)},
-          {"mean", unit * h.mean()},          {"count", h.count}};
+  return {{"p50", unit * h.percentile(50)},
+          {"p99", unit * h.percentile(99)},
+          {"p99_9", unit * h.percentile(99.9)},
+          {"max", unit * static_cast<double>(h.max)},
+          {"mean", unit * h.mean()},
+          {"count", h.count}};
+}
+
+// [[middle in µs, count], …] of the bins that hold something.
+nlohmann::json bins(const Histogram& histogram) {
+  const HistogramSnapshot h = histogram.snapshot();
+  nlohmann::json out = nlohmann::json::array();
+  for (int i = 0; i < histogram_bins; ++i)
+    if (h.bin[i] > 0) out.push_back({1e-3 * histogram_centre(i), h.bin[i]});
+  return out;
 }
 
 std::vector<float> flat(const std::vector<Vec3>& nodes) {
@@ -62,14 +74,21 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
           {"penetration_max_um", 1e6 * s.penetration_max.load(relaxed)},
           {"states_rejected", s.refused.load(relaxed)},
           {"conflicts", s.conflicts.load(relaxed)},
-          {"solver_caps", s.solver_caps.load(relaxed)}};
+          {"solver_caps", s.solver_caps.load(relaxed)},
+          {"wake_histogram", bins(s.wake)},
+          {"solve_histogram", bins(s.solve)}};
 }
 
 Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
                          Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
                          const std::optional<std::filesystem::path>& record)
-    : scene_(scene), statistics_(statistics), snapshots_(snapshots), history_(history), status_(participant),
-      geometry_(participant), update_(participant) {
+    : scene_(scene),
+      statistics_(statistics),
+      snapshots_(snapshots),
+      history_(history),
+      status_(participant),
+      geometry_(participant),
+      update_(participant) {
   if (record) record_.emplace(*record);
 }
 

@@ -15,6 +15,32 @@ namespace {
 
 constexpr double unit_tolerance = 1e-2;
 const std::vector<std::string> column_names = {"t", "px", "py", "pz", "qx", "qy", "qz", "qw", "buttons"};
+// What our own recordings (`hapticd --record`, `haptic replay --forces`) carry beside the motion.
+const std::vector<std::string> passed_over = {"tick",
+                                              "echo",
+                                              "number",
+                                              "ix",
+                                              "iy",
+                                              "iz",
+                                              "fx",
+                                              "fy",
+                                              "fz",
+                                              "tx",
+                                              "ty",
+                                              "tz",
+                                              "status",
+                                              "step",
+                                              "state_age_us",
+                                              "rtt_us",
+                                              "wake_us",
+                                              "solve_us",
+                                              "problem_age_ms",
+                                              "contacts",
+                                              "active",
+                                              "removed",
+                                              "penetration_um",
+                                              "energy_j"};
+constexpr int ignored = -1;
 enum Column { time, px, py, pz, qx, qy, qz, qw, buttons, column_count };
 
 std::string_view trimmed(std::string_view s) {
@@ -41,8 +67,10 @@ class Parser {
     ++line_;
     line = trimmed(line);
     if (line.empty() || line.front() == '#') return;
-    if (columns_.empty()) read_header(line);
-    else read_row(line);
+    if (columns_.empty())
+      read_header(line);
+    else
+      read_row(line);
   }
 
   Trajectory finish() {
@@ -63,6 +91,10 @@ class Parser {
     std::array<int, column_count> seen{};
     for (std::string_view name : split(line)) {
       const auto found = std::find(column_names.begin(), column_names.end(), name);
+      if (std::find(passed_over.begin(), passed_over.end(), name) != passed_over.end()) {
+        columns_.push_back(ignored);
+        continue;
+      }
       if (found == column_names.end()) {
         const std::string hint = did_you_mean(std::string(name), column_names);
         throw InputError(file_, line_, "column " + std::string(name.substr(0, 40)),
@@ -89,13 +121,18 @@ class Parser {
 
   void read_row(std::string_view line) {
     const std::vector<std::string_view> fields = split(line);
-    if (fields.size() < columns_.size()) throw error(columns_[fields.size()], "has no value in this row");
+    if (fields.size() < columns_.size()) {
+      const auto missing = std::find_if(columns_.begin() + static_cast<std::ptrdiff_t>(fields.size()),
+                                        columns_.end(), [](int c) { return c != ignored; });
+      throw error(missing == columns_.end() ? time : *missing, "has no value in this row");
+    }
     if (fields.size() > columns_.size())
       throw InputError(file_, line_, "column " + std::to_string(columns_.size() + 1),
                        "a value too many: there are " + std::to_string(columns_.size()) + " columns");
     std::array<double, column_count> v{};
     v[qw] = 1;
-    for (std::size_t i = 0; i < fields.size(); ++i) v[columns_[i]] = number(fields[i], columns_[i]);
+    for (std::size_t i = 0; i < fields.size(); ++i)
+      if (columns_[i] != ignored) v[columns_[i]] = number(fields[i], columns_[i]);
 
     TrajectorySample sample;
     sample.t = v[time];

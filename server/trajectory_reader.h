@@ -3,7 +3,8 @@
 // The first line names the columns, in any order; the orientation's four may all be absent (identity), and
 // so may `buttons` (none pressed). `#` begins a comment line; blank lines are skipped. Time in seconds; the
 // position's unit is the caller's to say, `scale` metres each. Quaternions within 1e-2 of unit norm are
-// normalised.
+// normalised. The further columns of the project's own recordings (`hapticd --record`, `haptic replay --forces`)
+// are passed over, so that these replay.
 // Errors: InputError with file, line and column for a column that is unknown, missing or there twice, a row
 // with too few or too many values, what is no finite number, a time that does not rise, a quaternion that is
 // not unit, fewer than two rows.

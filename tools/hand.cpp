@@ -181,7 +181,7 @@ Command add_hand(CLI::App& application) {
   add_session_options(*app, options->session);
   app->footer(
       "Energy is counted at the device's port and positive where the server took it in.\n"
-      "Example: haptic hand --device touch --press 0.02,0.02,1 --at 0,0,0.02 --quantum 55 --json "
+      "Example: haptic hand --device touch --at 0,0,0.03 --press 0.01,0.02,1 --quantum 55 --json "
       "figures.json");
   return {app, [app, options] { return hand(*options, *app); }};
 }

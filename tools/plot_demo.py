@@ -2,7 +2,7 @@
 """Draws the demonstration: force.png, latency.png and lens.png.
 
 Reads forces.csv, daemon.json, BODY_before.vtk and BODY_after.vtk from DIRECTORY and writes the pictures
-there. Histograms are daemon.json's wake_histogram and solve_histogram, [[upper edge in us, count], ...];
+there. Histograms are daemon.json's wake_histogram and solve_histogram, [[middle of the bin in us, count], ...];
 where it has none, they are counted from the answered slots in forces.csv.
 Example: tools/plot_demo.py build/demo --body lens
 """

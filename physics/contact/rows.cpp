@@ -15,7 +15,8 @@ struct Candidate {
   int sample;
 };
 
-// Samples that become rows, by sample index (which is by id). Returns how many, and counts the dropped.
+// Samples that become rows, by sample index (which is by id). Returns how many, and counts the overlapping
+// ones that did not fit.
 int select(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
            const PatchPositions& x, double margin, std::array<Candidate, max_patch_samples>& candidate,
            int& dropped) noexcept {
@@ -26,12 +27,14 @@ int select(const CondensedProblem& problem, const Instrument& instrument, const 
       candidate[count++] = {gap.distance, k};
   }
   const auto begin = candidate.begin();
-  dropped = std::max(0, count - max_contacts);
-  if (dropped > 0) {
+  dropped = 0;
+  if (count > max_contacts) {
     const auto nearer = [](const Candidate& a, const Candidate& b) {
       return a.gap != b.gap ? a.gap < b.gap : a.sample < b.sample;
     };
     std::nth_element(begin, begin + max_contacts, begin + count, nearer);
+    dropped = static_cast<int>(
+        std::count_if(begin + max_contacts, begin + count, [](const Candidate& c) { return c.gap < 0; }));
     count = max_contacts;
     std::sort(begin, begin + count,
               [](const Candidate& a, const Candidate& b) { return a.sample < b.sample; });

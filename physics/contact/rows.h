@@ -10,7 +10,8 @@
 // exists where gap(s) < margin and the instrument is on the outer side of the tissue
 // (n · outward < 0.2): no ghost contacts from inside; the tolerance of 11° past tangent keeps the
 // samples around a sharp edge, whose face is turned away although the instrument is on it. More
-// candidates than capacity: the smallest gaps are kept and the rest counted in `dropped`.
+// candidates than capacity: the smallest gaps are kept; of the rest, those that overlap (gap < 0) are
+// counted in `dropped`: the others could not have pressed.
 // A contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue next to
 // fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I,
 // means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, and rigid
@@ -49,7 +50,7 @@ struct ContactRow {
 struct ContactRows {
   int contacts = 0;
   int rows_per_contact = 1;
-  int dropped = 0;  // candidates beyond capacity
+  int dropped = 0;  // overlapping candidates beyond capacity
   std::array<ContactRow, max_contacts> row;
   std::array<double, std::size_t(max_rows) * max_rows> W_storage;  // column-major, ld = rows()
   std::array<double, max_rows> q_storage;                          // δ_free

@@ -173,5 +173,17 @@ TEST(Trajectory, OutsideItStandsStillAndButtonsAreHeld) {
   EXPECT_THROW(make_trajectory({{1, {}, 0}, {1, {}, 0}}), std::invalid_argument);
 }
 
+TEST(TrajectoryReader, OwnRecordingsReplay) {
+  const Trajectory t = parse_trajectory(
+      "t,tick,echo,px,py,pz,qx,qy,qz,qw,buttons,ix,fx,status,energy_j\n"
+      "0,7,9,0.1,0.2,0.3,0,0,0,1,2,5,1e-3,0,-0.5\n0.001,8,10,0.2,0.2,0.3,0,0,0,1,3,5,nan,0,-0.5\n",
+      "record.csv", LengthUnit::metre);
+  ASSERT_EQ(t.samples.size(), 2u);
+  EXPECT_EQ(t.samples[1].pose.p.x(), 0.2);
+  EXPECT_EQ(t.samples[1].buttons, 3u);
+  EXPECT_THROW(parse_trajectory("t,px,py,pz,tick\n0,1,2,3,4\n1,1,2,3\n", "short.csv", LengthUnit::metre),
+               InputError);
+}
+
 }  // namespace
 }  // namespace hapticd

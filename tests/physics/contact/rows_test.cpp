@@ -83,8 +83,8 @@ TEST(Rows, FixedObstacleHasTheCouplingAndAThousandthMore) {
     sample.free = sample_position(*s.problem, s.problem->x_free, k);
     if (k % 2 == 0) sample.node = {-1, -1, -1};
   }
-  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(),
-             s.memory, 0.5e-3, *s.rows);
+  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3,
+             *s.rows);
   const MatX H = dense_H(*s.problem, *s.rows), J = dense_J(*s.rows);
   MatX dense = H * s.problem->C() * H.transpose() + J * some_coupling().asDiagonal() * J.transpose();
   int fixed = 0;
@@ -143,8 +143,7 @@ TEST(Rows, FreeGapIsTheGapToFirstOrderInTissueAndPose) {
   for (const double size : {2e-5, 1e-5, 0.5e-5}) {
     for (int a = 0; a < s.problem->nodes; ++a) s.problem->x_free[a] = x_lin[a] + size * direction[a];
     const Pose X_free = displaced(s.X, size * move);
-    build_rows(*s.problem, s.instrument, X_free, s.X, x_lin, some_coupling(),
-               s.memory, 0.5e-3, *s.rows);
+    build_rows(*s.problem, s.instrument, X_free, s.X, x_lin, some_coupling(), s.memory, 0.5e-3, *s.rows);
     double worst = 0;
     for (int i = 0; i < s.rows->contacts; ++i) {
       const Vec3 x = sample_position(*s.problem, s.problem->x_free, s.rows->row[i].sample);
@@ -168,8 +167,8 @@ TEST(Rows, SlipIsMeasuredFromTheAnchorInTheMovingInstrument) {
     s.memory.entry[i] = {s.rows->row[i].id, Vec3::Zero(), s.X.to_local(x + size * unit_vector(random)), true};
   }
   const Pose X_free = displaced(s.X, twist(random, size));
-  build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(),
-             s.memory, 0.5e-3, *s.rows);
+  build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3,
+             *s.rows);
   for (int i = 0; i < s.rows->contacts; ++i) {
     const ContactRow& row = s.rows->row[i];
     const Vec3 x = sample_position(*s.problem, s.problem->x_free, row.sample);
@@ -187,8 +186,8 @@ TEST(Rows, ShiftEqualsRebuildingWithAnotherFreePose) {
     const VecX unshifted = s.rows->q();
     shift_rows(*s.problem, s.X, X_free, s.memory, *s.rows);
     const VecX shifted = s.rows->q();
-    build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(),
-               s.memory, 0.5e-3, *s.rows);
+    build_rows(*s.problem, s.instrument, X_free, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3,
+               *s.rows);
     EXPECT_LT((shifted - s.rows->q()).norm(), 1e-15);
     EXPECT_GT((shifted - unshifted).norm(), 1e-6);
   }
@@ -200,8 +199,7 @@ TEST(Rows, OnlySamplesFacingTheInstrumentWithinTheMargin) {
   for (int i = 1; i < s.rows->contacts; ++i) EXPECT_LT(s.rows->row[i - 1].id, s.rows->row[i].id);
   EXPECT_EQ(s.rows->dropped, 0);
   for (int k = 0; k < s.problem->samples; ++k) s.problem->sample[k].outward = -Vec3::UnitZ();  // from inside
-  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, no_coupling,
-             s.memory, 0.5e-3, *s.rows);
+  build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, no_coupling, s.memory, 0.5e-3, *s.rows);
   EXPECT_EQ(s.rows->contacts, 0);
 }
 
@@ -211,7 +209,7 @@ TEST(Rows, BeyondCapacityTheNearestAreKeptAndTheRestCounted) {
   settings.per_triangle = 5;
   const auto problem = sheet_problem(random, settings);
   const Instrument instrument = sphere_instrument(2e-3);
-  const Pose X{Vec3(0.3e-3, 0.1e-3, 1.8e-3), Quat::Identity()};
+  const Pose X{Vec3(0.3e-3, 0.1e-3, 1.0e-3), Quat::Identity()};
   const auto rows = std::make_unique<ContactRows>();
   build_rows(*problem, instrument, X, X, problem->x_free, no_coupling, {}, 1e-3, *rows);
   std::vector<double> gaps;
@@ -221,7 +219,9 @@ TEST(Rows, BeyondCapacityTheNearestAreKeptAndTheRestCounted) {
   const auto candidates = std::count_if(gaps.begin(), gaps.end(), [](double g) { return g < 1e-3; });
   ASSERT_GT(candidates, max_contacts);
   EXPECT_EQ(rows->contacts, max_contacts);
-  EXPECT_EQ(rows->dropped, candidates - max_contacts);
+  const auto overlapping = std::count_if(gaps.begin(), gaps.end(), [](double g) { return g < 0; });
+  ASSERT_GT(overlapping, max_contacts);
+  EXPECT_EQ(rows->dropped, overlapping - max_contacts);
   double largest = -1;
   for (int i = 0; i < rows->contacts; ++i) largest = std::max(largest, rows->row[i].gap);
   EXPECT_EQ(largest, gaps[max_contacts - 1]);
