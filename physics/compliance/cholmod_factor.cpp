@@ -125,6 +125,10 @@ void CholmodFactor::solve() {
     throw std::runtime_error("CHOLMOD could not solve with the factor");
 }
 
+std::size_t CholmodFactor::memory_bytes() const noexcept {
+  return L_ ? L_->xsize * sizeof(double) + (L_->ssize + 3 * L_->nsuper + L_->n) * sizeof(int) : 0;
+}
+
 void CholmodFactor::trailing_corner(int nodes, MatX& corner) const {
   const int size = 3 * nodes;
   const int first = static_cast<int>(L_->n) - size;

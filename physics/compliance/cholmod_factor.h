@@ -12,6 +12,7 @@
 #include <cholmod.h>
 
 #include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -33,6 +34,7 @@ class CholmodFactor {
   void factor(const SystemMatrix& matrix);
 
   int place(int node) const noexcept { return place_[node]; }
+  std::size_t memory_bytes() const noexcept;  // of the factor's values and indices
 
   // The right-hand side and, after `solve`, the solution.
   Eigen::Map<VecX> vector() noexcept {

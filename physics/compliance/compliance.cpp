@@ -1,0 +1,16 @@
+#include "physics/compliance/compliance.h"
+
+#include <stdexcept>
+
+namespace hapticd {
+
+std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
+                                            const ComplianceOptions& options) {
+  if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
+  switch (method) {
+    case ComplianceMethod::exact: return make_exact_compliance(model, h, options);
+    default: throw std::invalid_argument("this compliance method is not known");
+  }
+}
+
+}  // namespace hapticd
