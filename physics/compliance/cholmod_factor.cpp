@@ -7,8 +7,6 @@
 
 namespace hapticd {
 
-namespace {
-
 // CHOLMOD opens OpenMP regions of a fixed four threads for each supernode, whatever OMP_NUM_THREADS says: at
 // the paper's size that is 12 ms instead of 5, and three more threads beside the haptic one. Zero active
 // levels runs every region on the caller. The setting belongs to the calling thread, so each factorisation
@@ -19,8 +17,6 @@ void forbid_openmp_threads() noexcept {
       reinterpret_cast<SetLevels>(dlsym(RTLD_DEFAULT, "omp_set_max_active_levels"));
   if (set_max_active_levels) set_max_active_levels(0);
 }
-
-}  // namespace
 
 CholmodFactor::CholmodFactor() {
   cholmod_start(&common_);

@@ -20,6 +20,9 @@
 
 namespace hapticd {
 
+// Keeps CHOLMOD's OpenMP regions on the calling thread; for every thread that calls CHOLMOD.
+void forbid_openmp_threads() noexcept;
+
 class CholmodFactor {
  public:
   CholmodFactor();
@@ -34,6 +37,7 @@ class CholmodFactor {
   void factor(const SystemMatrix& matrix);
 
   int place(int node) const noexcept { return place_[node]; }
+  const cholmod_factor& cholmod() const noexcept { return *L_; }
   std::size_t memory_bytes() const noexcept;  // of the factor's values and indices
 
   // The right-hand side and, after `solve`, the solution.

@@ -26,6 +26,8 @@ namespace hapticd {
 
 enum class ComplianceMethod : std::uint8_t { exact, zone, lazy, updown, dense };
 
+enum class NodeOrder : std::uint8_t { zone_last, metis };
+
 struct ComplianceOptions {
   double good_error = 1e-3;       // sampled error above it: rebase_wanted
   double usable_error = 0.1;      // … above it: degraded
@@ -34,6 +36,8 @@ struct ComplianceOptions {
   int rebase_removed = 64;        // removals carried over as low-rank terms that are left alone
   int sample_every = 1;           // updates between two samples of the error
   bool warp = true;               // turn the base with the nodes
+  NodeOrder updown_order = NodeOrder::zone_last;
+  int lazy_rebase_after = 0;      // lazy: removals after which `update` makes a new base; 0: never, as the paper
 };
 
 // good: the sampled error is below `good_error`. rebase_wanted: usable, and a new base would be better.
