@@ -36,6 +36,7 @@ struct ComplianceOptions {
   int rebase_removed = 64;        // removals carried over as low-rank terms that are left alone
   int sample_every = 1;           // updates between two samples of the error
   bool warp = true;               // turn the base with the nodes
+  bool rounded_base = false;      // zone: solve with a copy of the base factor in single precision
   NodeOrder updown_order = NodeOrder::zone_last;
   int lazy_rebase_after = 0;      // lazy: removals after which `update` makes a new base; 0: never, as the paper
 };
@@ -114,7 +115,8 @@ std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const Tissu
 std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
                                                   const ComplianceOptions& options = {});
 
-// A base factor, its far field stale, with a fresh corner each step (zone.h).
+// A base factor, its far field stale, with a fresh corner each step (zone_base.h). `patch`
+// gives nodes outside the base's zone too, by one sparse half solve for each.
 std::unique_ptr<Compliance> make_zone_compliance(const TissueModel& model, double h,
                                                  const ComplianceOptions& options = {});
 
