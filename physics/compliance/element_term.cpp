@@ -11,9 +11,8 @@ namespace {
 
 using Mat12 = Eigen::Matrix<double, 12, 12>;
 
-// Column by column, skipping those that round-off has emptied. Returns how many columns were kept.
-int semidefinite_cholesky(Mat12& a, Mat12& V) noexcept {
-  const double smallest = 4e-16 * a.diagonal().maxCoeff();
+// Column by column, skipping those whose pivot is below `smallest`. Returns how many were kept.
+int semidefinite_cholesky(Mat12& a, Mat12& V, double smallest) noexcept {
   int rank = 0;
   for (int k = 0; k < 12; ++k) {
     if (!(a(k, k) > smallest)) continue;
@@ -55,7 +54,9 @@ ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3
   ElementTerm term;
   std::copy(corners.begin(), corners.end(), term.node.begin());
   term.corners = 4;
-  term.rank = semidefinite_cholesky(a, term.V);
+  // Mass keeps every pivot above zero, however little it is; without it rigid modes leave round-off only.
+  const double lost = (mass > 0 ? 4e-16 : 1e-13) * a.diagonal().maxCoeff();
+  term.rank = semidefinite_cholesky(a, term.V, lost);
   return term;
 }
 

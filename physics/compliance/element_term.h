@@ -3,7 +3,7 @@
 //   a_e = (1/h² + α/h) m_e + (1 + β/h) k_e(R) = V Vᵀ,   A' = A − G V Vᵀ Gᵀ
 //
 // V is the Cholesky factor of a_e with its corners in the order given, so that late corners have short
-// columns; columns whose pivot is lost in round-off are left out: 12 remain with mass, 6 without.
+// columns; without mass the six rigid modes leave no column: 12 with mass, 6 without.
 // Shapes: V 12 × 12, `rank` columns in use, three rows per corner; rows of fixed nodes are zero.
 // Units: V Vᵀ [N/m], h [s]. Source: the paper, eq. (3), where S_e = −a_e; in this form S_e⁻¹, which does not
 // exist without mass, is never needed.
