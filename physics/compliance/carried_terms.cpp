@@ -29,22 +29,16 @@ bool CarriedTerms::change(RestPanels& panels, const ElementTerm& term, std::span
   MatX D = -next.Y.transpose() * next.Y;
   D.diagonal().array() += sign == Sign::take_out ? 1.0 : -1.0;
   next.W.resize(columns_, rank);
-  for (std::size_t i = 0; i < terms_.size(); ++i) {
-    const Term& earlier = terms_[i];
+  MatX t(columns_, rank);  // t_ij of all earlier i, stacked; t_kiᵀ D_k⁻¹ t_kj = W_kiᵀ t_kj
+  for (const Term& earlier : terms_) {
     const Eigen::Index width = earlier.Y.cols();
-    MatX t = -earlier.Y.transpose() * X_(earlier.row, Eigen::all);
-    // t_ki = D_k W_ki, so t_kiᵀ D_k⁻¹ t_kj = W_kiᵀ t_kj, summed over all k before i at once by their stack.
-    for (std::size_t k = 0; k < i; ++k) {
-      const Term& first = terms_[k];
-      const Eigen::Index w = first.Y.cols();
-      const auto W_kj = next.W.middleRows(first.first, w);
-      const auto W_ki = earlier.W.middleRows(first.first, w);
-      t.noalias() -= first.sign * (W_ki.transpose() * (first.D.matrixL() * (first.D.matrixU() * W_kj).eval()));
-    }
-    next.W.middleRows(earlier.first, width) = solved(earlier, t);
-    D.noalias() -= t.transpose() * next.W.middleRows(earlier.first, width);
+    auto own = t.middleRows(earlier.first, width);
+    own.noalias() = -earlier.Y.transpose() * X_(earlier.row, Eigen::all);
+    own.noalias() -= earlier.W.transpose() * t.topRows(earlier.first);
+    next.W.middleRows(earlier.first, width) = solved(earlier, own);
     next.v.noalias() -= earlier.v * next.W.middleRows(earlier.first, width);
   }
+  D.noalias() -= t.transpose() * next.W;
 
   for (const int row : next.row) X_.row(row).setZero();
   X_.bottomRows(X_.rows() - rest).setZero();

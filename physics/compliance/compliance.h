@@ -29,11 +29,13 @@ enum class ComplianceMethod : std::uint8_t { exact, zone, lazy, updown, dense };
 enum class NodeOrder : std::uint8_t { zone_last, metis };
 
 struct ComplianceOptions {
-  double good_error = 1e-3;       // sampled error above it: rebase_wanted
+  double good_error = 1e-6;       // sampled error above it: rebase_wanted
   double usable_error = 0.1;      // … above it: degraded
   double rebase_rotation = 0.15;  // largest rotation of a zone node since the base that is left alone [rad]
   int rebase_age = 1000;          // updates since the base that are left alone
   int rebase_removed = 64;        // removals carried over as low-rank terms that are left alone
+  int most_carried = 256;         // zone: more of them are not carried, but wait for the next base
+  bool base_on_the_spot = true;   // zone: which `update` then makes itself, late; false: somebody else does
   int sample_every = 1;           // updates between two samples of the error
   bool warp = true;               // turn the base with the nodes
   bool rounded_base = false;      // zone: solve with a copy of the base factor in single precision
@@ -41,13 +43,14 @@ struct ComplianceOptions {
   int lazy_rebase_after = 0;      // lazy: removals after which `update` makes a new base; 0: never, as the paper
 };
 
-// good: the sampled error is below `good_error`. rebase_wanted: usable, and a new base would be better.
-// degraded: the error is above `usable_error`, or the base failed.
+// good: the sampled error is below `good_error`, and nothing has moved since the sample. rebase_wanted: usable,
+// and not proven better. degraded: the error is above `usable_error`, or the base failed.
 enum class ComplianceHealth : std::uint8_t { good, rebase_wanted, degraded };
 
 // Of the last update.
 struct ComplianceReport {
   ComplianceHealth health = ComplianceHealth::good;
+  bool wants_base = false;         // not good, or a new base is due by rotation, age or what is carried
   double residual = 0;             // ‖A y − b‖/‖b‖ of one sampled solve y = C b, against the true A(u)
   double error = 0;                // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
   int removed_since_base = 0;

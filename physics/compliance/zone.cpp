@@ -18,9 +18,6 @@ namespace hapticd {
 
 namespace {
 
-// Removals that may be carried at once; more stay in the stale far field until the next base.
-constexpr int most_carried = 256;
-
 class ZoneCompliance final : public Compliance {
  public:
   ZoneCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
@@ -72,6 +69,7 @@ class ZoneCompliance final : public Compliance {
     } else if (state.removed != gone_count_) {
       remove_untold(state);
     }
+    if (left_behind_ > 0 && options_.base_on_the_spot) make_now(state);
     follow(state);
     if (!factor_corner(state)) {
       // Only round-off can do this, where almost nothing holds a piece: start from the present A.
@@ -153,10 +151,11 @@ class ZoneCompliance final : public Compliance {
     report.residual = sampled_.residual;
     report.error = sampled_.error;
     report.health = health_of(sampled_, options_);
-    const bool wanted = report.rotation_since_base > options_.rebase_rotation ||
-                        base_age_ > options_.rebase_age || carried_count_ > options_.rebase_removed ||
-                        left_behind_ > 0 || !sample_holds();
-    if (wanted && report.health == ComplianceHealth::good) report.health = ComplianceHealth::rebase_wanted;
+    if (report.health == ComplianceHealth::good && (left_behind_ > 0 || !sample_holds()))
+      report.health = ComplianceHealth::rebase_wanted;
+    report.wants_base = report.health != ComplianceHealth::good ||
+                        report.rotation_since_base > options_.rebase_rotation ||
+                        base_age_ > options_.rebase_age || carried_count_ > options_.rebase_removed;
     report.removed_since_base = removed_since_base_;
     report.base_age = base_age_;
     report.memory_bytes = base_->panels().memory_bytes() + carried_.memory_bytes() +
@@ -222,7 +221,7 @@ class ZoneCompliance final : public Compliance {
     const auto no_unknown = [&](int n) { return model_.fixed[n] || after.live_tets_of_node[n] == 0; };
     // Nothing that is left feels it: a fragment that went whole costs nothing.
     if (std::all_of(nodes.begin(), nodes.end(), no_unknown)) return;
-    if (carried_count_ >= most_carried) {
+    if (carried_count_ >= options_.most_carried) {
       ++left_behind_;
       return;
     }
