@@ -22,5 +22,6 @@ struct Command {
 
 Command add_replay(CLI::App& application);
 Command add_hand(CLI::App& application);
+Command add_chart(CLI::App& application);
 
 }  // namespace hapticd

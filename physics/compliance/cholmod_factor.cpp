@@ -7,8 +7,6 @@
 
 namespace hapticd {
 
-namespace {
-
 // CHOLMOD opens OpenMP regions of a fixed four threads for each supernode, whatever OMP_NUM_THREADS says: at
 // the paper's size that is 12 ms instead of 5, and three more threads beside the haptic one. Zero active
 // levels runs every region on the caller. The setting belongs to the calling thread, so each factorisation
@@ -19,8 +17,6 @@ void forbid_openmp_threads() noexcept {
       reinterpret_cast<SetLevels>(dlsym(RTLD_DEFAULT, "omp_set_max_active_levels"));
   if (set_max_active_levels) set_max_active_levels(0);
 }
-
-}  // namespace
 
 CholmodFactor::CholmodFactor() {
   cholmod_start(&common_);
@@ -123,6 +119,10 @@ void CholmodFactor::solve() {
   forbid_openmp_threads();
   if (!cholmod_super_lsolve(L_, x_, work_, &common_) || !cholmod_super_ltsolve(L_, x_, work_, &common_))
     throw std::runtime_error("CHOLMOD could not solve with the factor");
+}
+
+std::size_t CholmodFactor::memory_bytes() const noexcept {
+  return L_ ? L_->xsize * sizeof(double) + (L_->ssize + 3 * L_->nsuper + L_->n) * sizeof(int) : 0;
 }
 
 void CholmodFactor::trailing_corner(int nodes, MatX& corner) const {

@@ -12,12 +12,16 @@
 #include <cholmod.h>
 
 #include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
 #include "physics/compliance/system_matrix.h"
 
 namespace hapticd {
+
+// Keeps CHOLMOD's OpenMP regions on the calling thread; for every thread that calls CHOLMOD.
+void forbid_openmp_threads() noexcept;
 
 class CholmodFactor {
  public:
@@ -33,6 +37,8 @@ class CholmodFactor {
   void factor(const SystemMatrix& matrix);
 
   int place(int node) const noexcept { return place_[node]; }
+  const cholmod_factor& cholmod() const noexcept { return *L_; }
+  std::size_t memory_bytes() const noexcept;  // of the factor's values and indices
 
   // The right-hand side and, after `solve`, the solution.
   Eigen::Map<VecX> vector() noexcept {

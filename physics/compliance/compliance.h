@@ -5,14 +5,18 @@
 //
 // The nodes near the instrument (the zone) are ordered last, so that C_pp comes from the factor's
 // trailing dense corner: L_zz L_zzᵀ = A_zz − A_zr A_rr⁻¹ A_rz.
+// Methods that keep a base (a factor or an inverse of an earlier A) say after each update how far they are
+// from the present A, and when they want a new base; the base can be made elsewhere, on any one thread, and
+// adopted between two steps. Nothing here starts a thread.
 // Units: A [N/m], C [m/N]; multipliers are newtons for every h. Shapes: vectors of 3·nodes, node-wise
 // interleaved; fixed and orphan nodes are identity rows: their entries of every result are zero.
 // Errors: `update` throws std::runtime_error when A is not positive definite (a singular model: no
-// mass and no support); `apply`, `patch` and `error_estimate` throw it before a successful update.
-// Source: the paper, eqs. (2) and (3). Departure: a removal is not a low-rank update here but a
-// refactorisation without the element (`exact`).
+// mass and no support); `apply`, `patch` and `report` throw it before a successful update.
+// Source: the paper, eqs. (2) and (3). Departure: only `lazy` treats a removal as the paper does.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 
@@ -20,18 +24,67 @@
 
 namespace hapticd {
 
+enum class ComplianceMethod : std::uint8_t { exact, zone, lazy, updown, dense };
+
+enum class NodeOrder : std::uint8_t { zone_last, metis };
+
+struct ComplianceOptions {
+  double good_error = 1e-6;       // sampled error above it: rebase_wanted
+  double usable_error = 0.1;      // … above it: degraded
+  double rebase_rotation = 0.15;  // largest rotation of a zone node since the base that is left alone [rad]
+  int rebase_age = 1000;          // updates since the base that are left alone
+  int rebase_removed = 64;        // removals carried over as low-rank terms that are left alone
+  int most_carried = 256;         // zone: more of them are not carried, but wait for the next base
+  bool base_on_the_spot = true;   // zone: which `update` then makes itself, late; false: somebody else does
+  int sample_every = 1;           // updates between two samples of the error
+  bool warp = true;               // turn the base with the nodes
+  bool rounded_base = false;      // zone: solve with a copy of the base factor in single precision
+  NodeOrder updown_order = NodeOrder::zone_last;
+  int lazy_rebase_after = 0;      // lazy: removals after which `update` makes a new base; 0: never, as the paper
+};
+
+// good: the sampled error is below `good_error`, and nothing has moved since the sample. rebase_wanted: usable,
+// and not proven better. degraded: the error is above `usable_error`, or the base failed.
+enum class ComplianceHealth : std::uint8_t { good, rebase_wanted, degraded };
+
+// Of the last update.
+struct ComplianceReport {
+  ComplianceHealth health = ComplianceHealth::good;
+  bool wants_base = false;         // not good, or a new base is due by rotation, age or what is carried
+  double residual = 0;             // ‖A y − b‖/‖b‖ of one sampled solve y = C b, against the true A(u)
+  double error = 0;                // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
+  int removed_since_base = 0;
+  int base_age = 0;                // updates since the base was made
+  double rotation_since_base = 0;  // largest in the zone [rad]
+  std::size_t memory_bytes = 0;    // of factor, inverse and terms
+};
+
+// A base under way: `make` is the expensive part. It may run on any one thread and touches nothing of the
+// compliance that gave it out, nor of the model or the state. Throws std::runtime_error only.
+class ComplianceBase {
+ public:
+  virtual ~ComplianceBase() = default;
+  virtual void make() = 0;
+};
+
 class Compliance {
  public:
   virtual ~Compliance() = default;
 
-  // Orders these nodes last from the next `update` on. Fixed nodes are allowed and ignored. Patches of the
-  // nodes named first are the cheapest: name the nearest first.
+  // The zone wanted: of the next `update` (exact, updown), or of the next base. Fixed nodes are allowed and
+  // ignored. Patches of the nodes named first are the cheapest: name the nearest first.
   virtual void move_zone(std::span<const int> nodes) = 0;
 
-  // True if every free node of `nodes` lies in the present zone.
+  // True if `patch` will give every free node of `nodes` after the next `update`.
   virtual bool zone_covers(std::span<const int> nodes) const = 0;
 
-  // Assembles and factors A at the state's rotations, live tetrahedra only.
+  // Tells that these tetrahedra just went; they are already dead in `after`. Before the next `update`.
+  virtual void remove(const TissueState& after, std::span<const int> tets) {
+    static_cast<void>(after);
+    static_cast<void>(tets);
+  }
+
+  // Follows A to the state's rotations, live tetrahedra only.
   virtual void update(const TissueState& state) = 0;
 
   // y = C b (b and y of 3·nodes entries; may alias).
@@ -41,11 +94,33 @@ class Compliance {
   // Contract: zone_covers(nodes) at the last update; std::invalid_argument otherwise.
   virtual void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) = 0;
 
-  // Relative residual ‖A y − b‖/‖b‖ of one sampled solve against the true A(u) of the last update.
-  virtual double error_estimate() = 0;
+  virtual ComplianceReport report() = 0;
+
+  // What a new base of the present state and the wanted zone needs, to be made elsewhere; null for methods
+  // that keep none. Removals told to the compliance after this call are carried over when it is adopted.
+  virtual std::unique_ptr<ComplianceBase> snapshot_base(const TissueState& state) {
+    static_cast<void>(state);
+    return nullptr;
+  }
+
+  // Takes a made base of this compliance's own `snapshot_base`; an `update` must follow before any use.
+  virtual void adopt_base(std::unique_ptr<ComplianceBase> base, const TissueState& state) {
+    static_cast<void>(base);
+    static_cast<void>(state);
+  }
 };
 
+// The model must outlive the compliance. std::invalid_argument: h ≤ 0.
+std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
+                                            const ComplianceOptions& options = {});
+
 // CHOLMOD refactorisation each step: the model of accuracy.
-std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h);
+std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
+                                                  const ComplianceOptions& options = {});
+
+// A base factor, its far field stale, with a fresh corner each step (zone_base.h). `patch`
+// gives nodes outside the base's zone too, by one sparse half solve for each.
+std::unique_ptr<Compliance> make_zone_compliance(const TissueModel& model, double h,
+                                                 const ComplianceOptions& options = {});
 
 }  // namespace hapticd

@@ -1,11 +1,11 @@
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <string>
 
 #include "physics/compliance/cholmod_factor.h"
 #include "physics/compliance/compliance.h"
 #include "physics/compliance/patch_inverse.h"
+#include "physics/compliance/residual.h"
 
 #ifdef HAPTICD_OPENBLAS
 extern "C" void openblas_set_num_threads(int threads);
@@ -17,8 +17,9 @@ namespace {
 
 class ExactCompliance final : public Compliance {
  public:
-  ExactCompliance(const TissueModel& model, double h)
-      : fixed_(model.fixed),
+  ExactCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
+      : options_(options),
+        fixed_(model.fixed),
         graph_(node_graph(model)),
         fill_order_(fill_reducing_order(graph_)),
         matrix_(model, graph_, h),
@@ -86,17 +87,15 @@ class ExactCompliance final : public Compliance {
     patch_inverse_(corner_, places_, block);
   }
 
-  double error_estimate() override {
+  ComplianceReport report() override {
     require_factor();
-    VecX b = VecX::Zero(3 * matrix_.node_count());
-    for (int n = 0; n < matrix_.node_count(); ++n) {
-      if (!matrix_.in_system(n)) continue;
-      for (int r = 0; r < 3; ++r) b[3 * n + r] = std::sin(1.0 + 2.7 * n + 1.3 * r);
-    }
-    VecX y(b.size());
-    apply(b, y);
-    const double size = b.norm();
-    return size > 0 ? (matrix_.multiply(y) - b).norm() / size : 0.0;
+    ComplianceReport report;
+    const SampledError sampled = sample_error(*this, matrix_);
+    report.residual = sampled.residual;
+    report.error = sampled.error;
+    report.health = health_of(sampled, options_);
+    report.memory_bytes = factor_.memory_bytes();
+    return report;
   }
 
  private:
@@ -104,6 +103,7 @@ class ExactCompliance final : public Compliance {
     if (!factored_) throw std::runtime_error("the compliance was used before a successful update");
   }
 
+  ComplianceOptions options_;
   std::vector<std::uint8_t> fixed_;
   NodeGraph graph_;
   std::vector<int> fill_order_;
@@ -121,13 +121,14 @@ class ExactCompliance final : public Compliance {
 
 }  // namespace
 
-std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h) {
+std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
+                                                  const ComplianceOptions& options) {
   if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
 #ifdef HAPTICD_OPENBLAS
   // Two or more BLAS threads lose on fronts this small, and would fight the haptic thread for its core.
   openblas_set_num_threads(1);
 #endif
-  return std::make_unique<ExactCompliance>(model, h);
+  return std::make_unique<ExactCompliance>(model, h, options);
 }
 
 }  // namespace hapticd

@@ -51,9 +51,15 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
   in_system_.resize(model.node_count());
 }
 
+double SystemMatrix::mu() const noexcept { return stiffness_factor(material_, h_) * material_.mu(); }
+double SystemMatrix::lambda() const noexcept { return stiffness_factor(material_, h_) * material_.lambda(); }
+double SystemMatrix::lumped_mass(int tet) const noexcept {
+  return mass_factor(material_, h_) * 0.25 * material_.density * elements_[tet].volume;
+}
+
 void SystemMatrix::assemble(const TissueState& state) noexcept {
-  const double mu = stiffness_factor(material_, h_) * material_.mu();
-  const double lambda = stiffness_factor(material_, h_) * material_.lambda();
+  const double mu = this->mu();
+  const double lambda = this->lambda();
   std::fill(diagonal_.begin(), diagonal_.end(), Mat3::Zero());
   std::fill(coupling_.begin(), coupling_.end(), Mat3::Zero());
   for (std::size_t t = 0; t < elements_.size(); ++t) {

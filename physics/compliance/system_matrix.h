@@ -37,14 +37,21 @@ class SystemMatrix {
 
   VecX multiply(const VecX& x) const;  // A x
 
- private:
   struct Element {
     Tet node;                 // ascending
     std::array<int, 6> edge;  // 01 02 03 12 13 23 of `node`; -1 where a node is fixed
     Gradients gradients;      // columns follow `node`
     double volume;
   };
+  const std::vector<Element>& elements() const noexcept { return elements_; }
+  bool fixed(int node) const noexcept { return fixed_[node] != 0; }
+  // What one element adds: blocks from (1 + β/h) μ and λ, and on the diagonal of each of its nodes
+  // (1/h² + α/h) times a quarter of its mass.
+  double mu() const noexcept;
+  double lambda() const noexcept;
+  double lumped_mass(int tet) const noexcept;
 
+ private:
   double h_;
   Material material_;
   std::vector<std::uint8_t> fixed_;

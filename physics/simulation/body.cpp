@@ -12,6 +12,14 @@ TissueModel model_of(BodySettings& s, const Vec3& gravity) {
   return model;
 }
 
+double mean_edge(const TetMesh& mesh) {
+  double sum = 0;
+  for (const Tet& t : mesh.tets)
+    for (int a = 0; a < 4; ++a)
+      for (int b = 0; b < a; ++b) sum += (mesh.nodes[t[a]] - mesh.nodes[t[b]]).norm();
+  return mesh.tets.empty() ? 0 : sum / (6 * static_cast<double>(mesh.tets.size()));
+}
+
 TissueState state_of(const TissueModel& model, bool deformable) {
   if (deformable) return rest_state(model);
   TissueState state;
@@ -21,7 +29,8 @@ TissueState state_of(const TissueModel& model, bool deformable) {
 
 }  // namespace
 
-Body::Body(BodySettings settings, double h, const Vec3& gravity)
+Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMethod method,
+           const ComplianceOptions& options)
     : name(std::move(settings.name)),
       deformable(settings.deformable),
       friction(settings.friction),
@@ -32,7 +41,8 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity)
       rest(model.mesh.nodes) {
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
   if (!deformable) return;
-  compliance = make_exact_compliance(model, h);
+  compliance = make_compliance(method, model, h, options);
+  edge = mean_edge(model.mesh);
   dx_free = VecX::Zero(3 * model.node_count());
   scratch = dx_free;
 }
@@ -61,7 +71,9 @@ void correct(Body& body, const VecX* contact_force, double h) {
 int remove_from(Body& body, std::span<const int> tets) {
   body.surface.remove(tets);
   body.asleep = false;
-  return remove_tets(body.model, body.state, tets);
+  const int gone = remove_tets(body.model, body.state, tets);
+  if (gone > 0) body.compliance->remove(body.state, tets);
+  return gone;
 }
 
 }  // namespace hapticd

@@ -41,7 +41,16 @@ struct Body {
   VecX scratch;
   bool asleep = false;  // at rest and out of reach: its step is skipped
 
-  Body(BodySettings settings, double h, const Vec3& gravity);
+  // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
+  bool base_wanted = false;
+  bool base_under_way = false;
+  int base_steps = 0;
+  int last_base_steps = 2;
+  double edge = 0;               // mean length of the tetrahedra's edges at rest [m]
+
+  Body(BodySettings settings, double h, const Vec3& gravity,
+       ComplianceMethod method = ComplianceMethod::exact,
+       const ComplianceOptions& options = {});
   Body(const Body&) = delete;
   Body& operator=(const Body&) = delete;
 };

@@ -1,6 +1,8 @@
 #include "physics/simulation/world.h"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace hapticd {
 namespace {
@@ -9,6 +11,8 @@ constexpr double sleeping_speed = 1e-5;  // [m/s]
 constexpr double zone_keep = 1.15;       // in alarm distances: every node this near must be in the zone
 constexpr double zone_reach = 1.6;       // … and a new zone reaches this far
 constexpr std::size_t max_zone_nodes = 160;
+constexpr double longest_lead = 0.3;     // [s] a base in the making looks ahead by no more
+constexpr int rest_between_bases = 2;    // steps
 constexpr double contact_margin = 0.25;     // in alarm distances: rows for gaps below it, renewed in each solve
 constexpr double usable_residual = 1e-3;    // a worse contact solve moves nothing; the next step repairs
 
@@ -29,7 +33,10 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
       collision_(*instrument_, settings.alarm_distance),
       gatherer_(settings.sample_spacing),
       scratch_(std::make_unique<ContactScratch>()) {
-  for (BodySettings& b : bodies) bodies_.emplace_back(std::move(b), settings.h, settings.gravity);
+  rebases_ = settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
+  for (BodySettings& b : bodies)
+    bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
+                         settings.compliance_options);
   for (Body& b : bodies_) collision_.add_body(b.surface.faces(), b.state.x);
 }
 
@@ -38,7 +45,9 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   ++steps_;
   topology_changed_ = false;
 
+  report.bases_adopted = std::exchange(bases_adopted_, 0);
   InstrumentSample sample = latest();
+  follow_instrument(sample);
   remove_at_tip(sample, report);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     if (bodies_[b].deformable && !bodies_[b].asleep)
@@ -48,7 +57,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
 
   sample = latest();
   gather(sample, problem);
-  compliance_of_patch(sample.pose, problem);
+  compliance_of_patch(sample.pose, problem, report);
   solve_and_correct(sample, problem, report);
 
   for (Body& body : bodies_)
@@ -57,6 +66,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
       compute_free_motion(body, settings_.h);
     }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  report_compliance(report);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     if (bodies_[b].deformable)
       bodies_[b].asleep = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
@@ -97,6 +107,39 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
   }
 }
 
+std::vector<BaseJob> World::wanted_bases() {
+  std::vector<BaseJob> jobs;
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    Body& body = bodies_[b];
+    if (!body.deformable || !body.base_wanted || body.base_under_way) continue;
+    if (body.base_steps < rest_between_bases) continue;
+    std::unique_ptr<ComplianceBase> base = body.compliance->snapshot_base(body.state);
+    body.base_wanted = false;
+    if (!base) continue;
+    body.base_under_way = true;
+    body.base_steps = 0;
+    jobs.push_back({static_cast<int>(b), std::move(base), false});
+  }
+  return jobs;
+}
+
+void World::adopt(BaseJob job) {
+  Body& body = bodies_[job.body];
+  body.base_under_way = false;
+  body.last_base_steps = body.base_steps;
+  body.base_steps = 0;
+  if (job.failed || !job.base) return;
+  body.compliance->adopt_base(std::move(job.base), body.state);
+  ++bases_adopted_;
+}
+
+void World::follow_instrument(const InstrumentSample& sample) {
+  const bool known = sample.present && was_present_;
+  velocity_ = known ? Vec3((sample.pose.p - last_position_) / settings_.h) : Vec3::Zero();
+  last_position_ = sample.pose.p;
+  was_present_ = sample.present;
+}
+
 void World::wake(const InstrumentSample& sample) {
   near_.clear();
   if (!sample.present) return;
@@ -106,10 +149,20 @@ void World::wake(const InstrumentSample& sample) {
 
 void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) {
   Body& body = bodies_[b];
+  // A base made elsewhere is used from when it is adopted until the next is: the zone reaches ahead to where
+  // the instrument will be by then, and by an edge farther, for the corners of faces that only just come near.
+  const double lead =
+      rebases_ ? std::min(longest_lead, (2 * body.last_base_steps + rest_between_bases) * settings_.h) : 0;
+  const double reach_of_zone = zone_reach * settings_.alarm_distance + (rebases_ ? body.edge : 0);
+  Pose ahead = X;
+  ahead.p += lead * velocity_;
   std::vector<std::pair<double, int>> reach;
+  std::vector<std::uint8_t> must_be_in(body.state.x.size(), 0);
   for (int n = 0; n < body.model.node_count(); ++n) {
-    const double gap = gap_at(*instrument_, X, body.state.x[n]).distance;
-    if (gap < zone_reach * settings_.alarm_distance) reach.emplace_back(gap, n);
+    double gap = gap_at(*instrument_, X, body.state.x[n]).distance;
+    must_be_in[n] = gap < zone_keep * settings_.alarm_distance;
+    if (lead > 0) gap = std::min(gap, gap_at(*instrument_, ahead, body.state.x[n]).distance);
+    if (gap < reach_of_zone) reach.emplace_back(gap, n);
   }
   std::sort(reach.begin(), reach.end());
   if (reach.size() > max_zone_nodes) reach.resize(max_zone_nodes);
@@ -118,13 +171,16 @@ void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) 
   std::vector<int> zone(patch_nodes.begin(), patch_nodes.end());
   std::vector<std::uint8_t> inside(body.state.x.size(), 0);
   for (int n : zone) inside[n] = 1;
-  std::size_t must = zone.size();
+  std::vector<int> must(zone);
   for (const auto& [gap, n] : reach) {
     if (!inside[n]) zone.push_back(n);
     inside[n] = 1;
-    if (gap < zone_keep * settings_.alarm_distance) must = zone.size();
+    if (must_be_in[n]) must.push_back(n);
   }
-  if (!body.compliance->zone_covers(std::span(zone).first(must))) body.compliance->move_zone(zone);
+  const bool covered = body.compliance->zone_covers(must);
+  if (!covered) body.base_wanted = true;
+  // A zone for the next base may follow the instrument at every step; one that is factored here may not.
+  if (rebases_ || !covered) body.compliance->move_zone(zone);
 }
 
 void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& report) {
@@ -160,7 +216,7 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
 
-void World::compliance_of_patch(const Pose& X, CondensedProblem& problem) {
+void World::compliance_of_patch(const Pose& X, CondensedProblem& problem, StepReport& report) {
   const auto nodes = gatherer_.nodes();
   problem.C().setZero();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -173,9 +229,13 @@ void World::compliance_of_patch(const Pose& X, CondensedProblem& problem) {
     if (of_body.empty()) continue;
     Body& body = bodies_[b];
     if (!body.compliance->zone_covers(of_body)) {
-      // The instrument outran the zone within one step: factor again with the zone where it is now.
+      // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
+      // a base there and meanwhile pay for a half solve per node.
       update_zone(static_cast<int>(b), X, of_body);
-      body.compliance->update(body.state);
+      if (body.compliance->zone_covers(of_body))
+        body.compliance->update(body.state);
+      else
+        for (const int n : of_body) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
     }
     const int n = static_cast<int>(of_body.size());
     block_.resize(3 * n, 3 * n);
@@ -183,6 +243,16 @@ void World::compliance_of_patch(const Pose& X, CondensedProblem& problem) {
     for (int j = 0; j < n; ++j)
       for (int i = 0; i < n; ++i)
         problem.C().block<3, 3>(3 * index[i], 3 * index[j]) = block_.block<3, 3>(3 * i, 3 * j);
+  }
+}
+
+void World::report_compliance(StepReport& report) {
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    Body& body = bodies_[b];
+    if (!body.deformable || body.asleep) continue;
+    report.compliance.push_back({static_cast<int>(b), body.compliance->report()});
+    if (report.compliance.back().compliance.wants_base) body.base_wanted = true;
+    ++body.base_steps;
   }
 }
 

@@ -35,6 +35,21 @@ struct WorldSettings {
   Vec3 gravity = Vec3::Zero();  // [m/s²]
   VirtualCoupling coupling;
   RemovalSettings removal;
+  ComplianceMethod compliance = ComplianceMethod::exact;
+  ComplianceOptions compliance_options;
+};
+
+// A new base that a body's compliance wants: `base->make()` is to be called, on any thread, and the job handed
+// back to `World::adopt`, `failed` if that threw.
+struct BaseJob {
+  int body = 0;
+  std::unique_ptr<ComplianceBase> base;
+  bool failed = false;
+};
+
+struct BodyReport {
+  int body;
+  ComplianceReport compliance;
 };
 
 // What the simulation knows of the device at one instant, already in the scene.
@@ -49,7 +64,10 @@ struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
   int fragments_aspirated = 0;
   int awake_bodies = 0;
+  int bases_adopted = 0;   // since the step before
+  int uncovered_nodes = 0; // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
+  std::vector<BodyReport> compliance;  // of awake bodies
 };
 
 class World {
@@ -60,6 +78,11 @@ class World {
   // `problem` is written whole, but for `published_ns`.
   StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem);
 
+  // Between steps: new bases to be made elsewhere, at most one at a time for a body; and back. A body whose
+  // base never comes stays right in its zone, and its report says how stale the rest has become.
+  std::vector<BaseJob> wanted_bases();
+  void adopt(BaseJob job);
+
   const Bodies& bodies() const { return bodies_; }
   const Instrument& instrument() const { return *instrument_; }
   std::uint64_t steps() const { return steps_; }
@@ -68,10 +91,12 @@ class World {
  private:
   void remove_at_tip(const InstrumentSample& sample, StepReport& report);
   void update_zone(int body, const Pose& X, std::span<const int> patch_nodes);
+  void follow_instrument(const InstrumentSample& sample);
   void wake(const InstrumentSample& sample);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem);
-  void compliance_of_patch(const Pose& X, CondensedProblem& problem);
+  void compliance_of_patch(const Pose& X, CondensedProblem& problem, StepReport& report);
+  void report_compliance(StepReport& report);
   void solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
 
   WorldSettings settings_;
@@ -87,6 +112,11 @@ class World {
   double removal_budget_ = 0;
   int removed_ = 0;
   bool topology_changed_ = false;
+  bool rebases_ = false;         // the method keeps bases that others make
+  Vec3 velocity_ = Vec3::Zero(); // of the instrument [m/s]
+  Vec3 last_position_ = Vec3::Zero();
+  bool was_present_ = false;
+  int bases_adopted_ = 0;
   std::uint64_t steps_ = 0;
 };
 

@@ -1,0 +1,64 @@
+// The columns of a supernodal factor that come before the zone, with the solves that use them alone.
+//
+//   L = [L_rr 0; L_zr L_zz]:   forward  x_r ← L_rr⁻¹ x_r,  x_z ← x_z − L_zr x_r
+//                              backward x_r ← L_rr⁻ᵀ (x_r − L_zrᵀ x_z)
+//
+// so that a solve may use another corner than L_zz between its two halves. A supernode that reaches into
+// the zone is cut at the zone's first column. A solve is bound by memory traffic: values can be read from a
+// copy rounded to single precision, the arithmetic staying double.
+// `forward_sparse` visits only the panels that few nonzero rows reach, on many right-hand sides at once.
+// Shapes: vectors and columns of 3·nodes in the order's places. Units: L Lᵀ [N/m]. Solves of one vector
+// allocate nothing once one was done; several threads need several objects.
+#pragma once
+
+#include <cholmod.h>
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "physics/types.h"
+
+namespace hapticd {
+
+enum class PanelPrecision : std::uint8_t { full, single };
+
+class RestPanels {
+ public:
+  RestPanels() = default;
+  // Columns before `rest_dofs` of a supernodal L Lᵀ; with a rounded copy beside them or not.
+  RestPanels(const cholmod_factor& L, int rest_dofs, bool rounded_copy);
+
+  int rest_dofs() const noexcept { return rest_dofs_; }
+  bool has_rounded_copy() const noexcept { return !rounded_.empty(); }
+
+  void forward(VecX& x, PanelPrecision precision) noexcept;
+  void backward(VecX& x, PanelPrecision precision) noexcept;
+
+  // Forward on columns whose nonzero rest rows are among `nonzero`. `reached` gets the rest rows that may now
+  // be nonzero, ascending.
+  void forward_sparse(MatX& X, std::span<const int> nonzero, std::vector<int>& reached);
+
+  std::size_t memory_bytes() const noexcept;
+
+ private:
+  struct Panel {
+    int first;          // column
+    int width;
+    int height;         // rows, the panel's own columns first
+    std::ptrdiff_t row;
+    std::ptrdiff_t value;
+  };
+
+  int rest_dofs_ = 0;
+  std::vector<Panel> panel_;
+  std::vector<int> panel_of_;  // per rest column
+  std::vector<int> row_;
+  std::vector<double> value_;
+  std::vector<float> rounded_;
+  VecX gathered_;
+  std::vector<std::uint8_t> touched_;  // per panel
+  MatX below_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,354 @@
+#include <algorithm>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "physics/compliance/carried_terms.h"
+#include "physics/compliance/node_turn.h"
+#include "physics/compliance/patch_inverse.h"
+#include "physics/compliance/residual.h"
+#include "physics/compliance/zone_base.h"
+
+extern "C" void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
+#ifdef HAPTICD_OPENBLAS
+extern "C" void openblas_set_num_threads(int threads);
+#endif
+
+namespace hapticd {
+
+namespace {
+
+class ZoneCompliance final : public Compliance {
+ public:
+  ZoneCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
+      : model_(model),
+        options_(options),
+        structure_(std::make_shared<const ZoneStructure>(model, h)),
+        matrix_(structure_->matrix),
+        turn_(model),
+        wanted_(model.node_count(), 0),
+        Q_(model.node_count(), Mat3::Identity()),
+        in_system_(model.node_count(), 0) {}
+
+  void move_zone(std::span<const int> nodes) override {
+    std::vector<std::uint8_t> wanted(model_.node_count(), 0);
+    std::vector<int> zone;
+    for (const int n : nodes) {
+      if (n < 0 || n >= model_.node_count())
+        throw std::invalid_argument("the zone names node " + std::to_string(n));
+      if (model_.fixed[n] || wanted[n]) continue;
+      wanted[n] = 1;
+      zone.push_back(n);
+    }
+    wanted_ = std::move(wanted);
+    wanted_zone_ = std::move(zone);
+  }
+
+  bool zone_covers(std::span<const int> nodes) const override {
+    return std::all_of(nodes.begin(), nodes.end(), [&](int n) {
+      return model_.fixed[n] || (base_ ? base_->zone_place(n) >= 0 : wanted_[n] != 0);
+    });
+  }
+
+  void remove(const TissueState& after, std::span<const int> tets) override {
+    if (!base_) return;
+    updated_ = false;
+    for (const int t : tets) {
+      if (gone_[t] || after.alive[t]) continue;
+      gone_[t] = 1;
+      ++gone_count_;
+      ++removed_since_base_;
+      if (!base_->is_inside(t)) carry(after, t);
+    }
+  }
+
+  void update(const TissueState& state) override {
+    updated_ = false;
+    if (!base_) {
+      make_now(state);
+    } else if (state.removed != gone_count_) {
+      remove_untold(state);
+    }
+    if (left_behind_ > 0 && options_.base_on_the_spot) make_now(state);
+    follow(state);
+    if (!factor_corner(state)) {
+      // Only round-off can do this, where almost nothing holds a piece: start from the present A.
+      make_now(state);
+      follow(state);
+      if (!factor_corner(state))
+        throw std::runtime_error("the system matrix A is not positive definite: a body (or a part cut from "
+                                 "it) has neither mass nor support");
+    }
+    ++base_age_;
+    due_ = updates_++ % std::max(1, options_.sample_every) == 0;
+    if (due_) matrix_.assemble(state);
+    fresh_sample_ = false;
+    updated_ = true;
+  }
+
+  void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
+    require_update();
+    const int rest = base_->panels().rest_dofs();
+    bool in_rest = false;
+    x_.setZero();
+    for (int n = 0; n < model_.node_count(); ++n) {
+      if (!in_system_[n]) continue;
+      auto x = x_.segment<3>(3 * base_->place(n));
+      x.noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
+      in_rest = in_rest || (base_->zone_place(n) < 0 && (x.array() != 0).any());
+    }
+    // A force on the zone alone, as of contacts, has nothing for the first half to do.
+    if (in_rest) base_->panels().forward(x_, precision());
+    auto corner = x_.tail(x_.size() - rest);
+    Eigen::Map<MatX> column(x_.data(), x_.size(), 1);
+    if (!carried_.empty()) carried_.before_corner(column, g_, column.bottomRows(corner.size()));
+    L_.triangularView<Eigen::Lower>().solveInPlace(corner);
+    L_.triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
+    if (!carried_.empty()) carried_.after_corner(column.bottomRows(corner.size()), g_, column);
+    base_->panels().backward(x_, precision());
+    for (int n = 0; n < model_.node_count(); ++n) {
+      if (in_system_[n])
+        y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * base_->place(n));
+      else
+        y.segment<3>(3 * n).setZero();
+    }
+  }
+
+  void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
+    require_update();
+    places_.clear();
+    bool covered = true;
+    for (const int n : nodes) {
+      if (n < 0 || n >= model_.node_count())
+        throw std::invalid_argument("the patch names node " + std::to_string(n));
+      places_.push_back(in_system_[n] ? base_->zone_place(n) : -1);
+      covered = covered && (!in_system_[n] || places_.back() >= 0);
+    }
+    if (covered)
+      patch_inverse_(L_, places_, block);
+    else
+      patch_beyond_zone(nodes, block);
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      for (std::size_t j = 0; j <= i; ++j) {
+        Mat3 entry = Q_[nodes[i]] * block.block<3, 3>(3 * i, 3 * j) * Q_[nodes[j]].transpose();
+        if (i == j) entry.triangularView<Eigen::StrictlyUpper>() = entry.transpose();
+        block.block<3, 3>(3 * i, 3 * j) = entry;
+        block.block<3, 3>(3 * j, 3 * i) = entry.transpose();
+      }
+  }
+
+  ComplianceReport report() override {
+    require_update();
+    ComplianceReport report;
+    for (const int n : base_->zone())
+      if (in_system_[n]) report.rotation_since_base = std::max(report.rotation_since_base, angle_of(Q_[n]));
+    if (due_ && !fresh_sample_) {
+      sampled_ = sample_error(*this, matrix_);
+      Q_at_sample_ = Q_;
+      removed_at_sample_ = gone_count_;
+      fresh_sample_ = true;
+    }
+    report.residual = sampled_.residual;
+    report.error = sampled_.error;
+    report.health = health_of(sampled_, options_);
+    if (report.health == ComplianceHealth::good && (left_behind_ > 0 || !sample_holds()))
+      report.health = ComplianceHealth::rebase_wanted;
+    report.wants_base = report.health != ComplianceHealth::good ||
+                        report.rotation_since_base > options_.rebase_rotation ||
+                        base_age_ > options_.rebase_age || carried_count_ > options_.rebase_removed;
+    report.removed_since_base = removed_since_base_;
+    report.base_age = base_age_;
+    report.memory_bytes = base_->panels().memory_bytes() + carried_.memory_bytes() +
+                          sizeof(double) * static_cast<std::size_t>(L_.size() + base_->outer_corner().size());
+    return report;
+  }
+
+  std::unique_ptr<ComplianceBase> snapshot_base(const TissueState& state) override {
+    return std::make_unique<ZoneBase>(structure_, wanted_zone_, state, options_.rounded_base,
+                                      std::move(retired_));
+  }
+
+  void adopt_base(std::unique_ptr<ComplianceBase> base, const TissueState& state) override {
+    auto* made = dynamic_cast<ZoneBase*>(base.get());
+    if (!made || !made->made()) throw std::invalid_argument("not a made base of this compliance");
+    base.release();
+    take(std::unique_ptr<ZoneBase>(made), state);
+  }
+
+ private:
+  PanelPrecision precision() const {
+    return options_.rounded_base ? PanelPrecision::single : PanelPrecision::full;
+  }
+
+  void require_update() const {
+    if (!updated_) throw std::runtime_error("the compliance was used before a successful update");
+  }
+
+  void make_now(const TissueState& state) {
+    auto base = std::make_unique<ZoneBase>(structure_, wanted_zone_, state, options_.rounded_base);
+    base->make();
+    take(std::move(base), state);
+  }
+
+  void take(std::unique_ptr<ZoneBase> base, const TissueState& state) {
+    updated_ = false;
+    retired_ = std::move(base_);
+    base_ = std::move(base);
+    turn_.set_base(base_->state().rotation);
+    carried_.clear(3 * model_.node_count());
+    x_.resize(3 * model_.node_count());
+    gone_.resize(model_.tet_count());
+    for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !base_->state().alive[t];
+    gone_count_ = base_->state().removed;
+    stayed_orphan_.assign(model_.node_count(), 0);
+    for (int n = 0; n < model_.node_count(); ++n)
+      stayed_orphan_[n] = base_->state().live_tets_of_node[n] == 0;
+    removed_since_base_ = base_age_ = carried_count_ = left_behind_ = 0;
+    updates_ = 0;
+    if (state.removed != gone_count_) remove_untold(state);
+  }
+
+  void remove_untold(const TissueState& state) {
+    std::vector<int> untold;
+    for (int t = 0; t < model_.tet_count(); ++t)
+      if (!state.alive[t] && !gone_[t]) untold.push_back(t);
+    remove(state, untold);
+  }
+
+  // An element of the far field, or across the zone's edge, that just went.
+  void carry(const TissueState& after, int t) {
+    const Tet& nodes = model_.mesh.tets[t];
+    const auto no_unknown = [&](int n) { return model_.fixed[n] || after.live_tets_of_node[n] == 0; };
+    // Nothing that is left feels it: a fragment that went whole costs nothing.
+    if (std::all_of(nodes.begin(), nodes.end(), no_unknown)) return;
+    if (carried_count_ >= options_.most_carried) {
+      ++left_behind_;
+      return;
+    }
+    // An orphan outside the corner gets the identity's row before its last stiffness goes.
+    for (const int n : nodes) {
+      if (model_.fixed[n] || stayed_orphan_[n] || after.live_tets_of_node[n] > 0) continue;
+      stayed_orphan_[n] = 1;
+      if (base_->zone_place(n) < 0)
+        change(identity_term(n, base_->identity_scale()), CarriedTerms::Sign::add);
+    }
+    Tet corners = nodes;
+    std::sort(corners.begin(), corners.end(),
+              [&](int a, int b) { return base_->place(a) < base_->place(b); });
+    change(element_term(model_, structure_->h, t, turn_.base()[t], corners), CarriedTerms::Sign::take_out);
+    ++carried_count_;
+  }
+
+  void change(const ElementTerm& term, CarriedTerms::Sign sign) {
+    std::array<int, 4> places{};
+    for (int c = 0; c < term.corners; ++c) places[c] = base_->place(term.node[c]);
+    if (!carried_.change(base_->panels(), term, {places.data(), static_cast<std::size_t>(term.corners)}, sign,
+                         base_->outer_corner()))
+      ++left_behind_;
+  }
+
+  void follow(const TissueState& state) {
+    for (int n = 0; n < model_.node_count(); ++n) {
+      in_system_[n] = !model_.fixed[n] && state.live_tets_of_node[n] > 0;
+      if (options_.warp && in_system_[n]) Q_[n] = turn_(n, state);
+    }
+  }
+
+  bool factor_corner(const TissueState& state) {
+    L_ = base_->outer_corner();
+    base_->add_inside(state, Q_, L_);
+    for (const int n : base_->zone()) {
+      if (in_system_[n]) continue;
+      const int p = 3 * base_->zone_place(n);
+      L_.middleRows(p, 3).leftCols(p + 3).setZero();
+      L_.middleCols(p, 3).bottomRows(L_.rows() - p).setZero();
+      L_.diagonal().segment<3>(p).setConstant(base_->identity_scale());
+    }
+    const int size = static_cast<int>(L_.rows());
+    if (size == 0) return true;
+    int info = 0;
+    dpotrf_("L", &size, L_.data(), &size, &info);
+    return info == 0;
+  }
+
+  // C_ab = f_aᵀ f_b over the rest, λ and corner, f = the first half of a solve for a unit force.
+  void patch_beyond_zone(std::span<const int> nodes, Eigen::Ref<MatX> block) {
+    const int rest = base_->panels().rest_dofs();
+    std::vector<int> nonzero;
+    for (const int n : nodes)
+      for (int r = 0; r < 3; ++r) nonzero.push_back(3 * base_->place(n) + r);
+    MatX X = MatX::Zero(x_.size(), static_cast<Eigen::Index>(nonzero.size()));
+    for (std::size_t k = 0; k < nonzero.size(); ++k)
+      if (in_system_[nodes[k / 3]]) X(nonzero[k], static_cast<Eigen::Index>(k)) = 1;
+    std::vector<int> reached;
+    base_->panels().forward_sparse(X, nonzero, reached);
+    const MatX X_r = X(reached, Eigen::all);
+    MatX C = X_r.transpose() * X_r;
+    auto corner = X.bottomRows(X.rows() - rest);
+    if (!carried_.empty()) {
+      carried_.before_corner(X, g_, corner);
+      carried_.add_energy(g_, C);
+    }
+    L_.triangularView<Eigen::Lower>().solveInPlace(corner);
+    C.noalias() += corner.transpose() * corner;
+    block = C;
+  }
+
+  // Whether the last sample still speaks for this state: nothing turned or was carried since.
+  bool sample_holds() const {
+    if (fresh_sample_) return true;
+    if (Q_at_sample_.size() != Q_.size() || removed_at_sample_ != gone_count_) return false;
+    const double still = 0.1 * options_.good_error;
+    for (std::size_t n = 0; n < Q_.size(); ++n)
+      if (!((Q_[n] - Q_at_sample_[n]).squaredNorm() < still * still)) return false;
+    return true;
+  }
+
+  const TissueModel& model_;
+  ComplianceOptions options_;
+  std::shared_ptr<const ZoneStructure> structure_;
+  SystemMatrix matrix_;  // the present A, where the error is sampled
+  NodeTurn turn_;
+  std::vector<int> wanted_zone_;
+  std::vector<std::uint8_t> wanted_;
+
+  std::unique_ptr<ZoneBase> base_;
+  std::unique_ptr<ZoneBase> retired_;  // freed by the next base's maker, which has the time
+  CarriedTerms carried_;
+  std::vector<std::uint8_t> gone_;           // per tetrahedron
+  std::vector<std::uint8_t> stayed_orphan_;  // per node: its row of base and terms is the identity's
+  int gone_count_ = 0;
+  int removed_since_base_ = 0;
+  int carried_count_ = 0;
+  int left_behind_ = 0;
+  int base_age_ = 0;
+
+  std::vector<Mat3> Q_;
+  std::vector<std::uint8_t> in_system_;
+  MatX L_;  // of the fresh corner
+  VecX x_;
+  MatX g_;
+  std::vector<int> places_;
+  PatchInverse patch_inverse_;
+  bool updated_ = false;
+
+  long updates_ = 0;
+  bool due_ = false;
+  bool fresh_sample_ = false;
+  SampledError sampled_;
+  std::vector<Mat3> Q_at_sample_;
+  int removed_at_sample_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Compliance> make_zone_compliance(const TissueModel& model, double h,
+                                                 const ComplianceOptions& options) {
+  if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
+#ifdef HAPTICD_OPENBLAS
+  openblas_set_num_threads(1);
+#endif
+  return std::make_unique<ZoneCompliance>(model, h, options);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,94 @@
+#include "physics/compliance/zone_base.h"
+
+#include <algorithm>
+
+#include "physics/compliance/cholmod_factor.h"
+#include "physics/tissue/tetrahedron.h"
+
+namespace hapticd {
+
+ZoneStructure::ZoneStructure(const TissueModel& model, double step)
+    : h(step), graph(node_graph(model)), fill_order(fill_reducing_order(graph)), matrix(model, graph, step) {}
+
+ZoneBase::ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone,
+                   const TissueState& state, bool rounded_copy, std::unique_ptr<ZoneBase> retired)
+    : structure_(std::move(structure)),
+      zone_(std::move(zone)),
+      rounded_copy_(rounded_copy),
+      retired_(std::move(retired)) {
+  state_.rotation = state.rotation;
+  state_.alive = state.alive;
+  state_.mass = state.mass;
+  state_.live_tets_of_node = state.live_tets_of_node;
+  state_.removed = state.removed;
+}
+
+void ZoneBase::make() {
+  retired_.reset();
+  SystemMatrix matrix = structure_->matrix;
+  matrix.assemble(state_);
+  identity_scale_ = matrix.identity_scale();
+  const std::vector<int> order = zone_last_order(structure_->graph, structure_->fill_order, zone_);
+  place_.resize(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) place_[order[k]] = static_cast<int>(k);
+  rest_ = matrix.node_count() - zone_size();
+
+  CholmodFactor factor;
+  factor.set_order(matrix, order);
+  factor.factor(matrix);
+  panels_ = RestPanels(factor.cholmod(), 3 * rest_, rounded_copy_);
+  MatX L_zz;
+  factor.trailing_corner(zone_size(), L_zz);
+  S_out_.setZero(L_zz.rows(), L_zz.cols());
+  S_out_.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
+
+  find_inside();
+  MatX A_in = MatX::Zero(S_out_.rows(), S_out_.cols());
+  const std::vector<Mat3> unturned(matrix.node_count(), Mat3::Identity());
+  add_inside(state_, unturned, A_in);
+  S_out_.triangularView<Eigen::Lower>() -= A_in;
+  made_ = true;
+}
+
+void ZoneBase::find_inside() {
+  const auto& elements = structure_->matrix.elements();
+  is_inside_.assign(elements.size(), 0);
+  inside_.clear();
+  for (int t = 0; t < static_cast<int>(elements.size()); ++t) {
+    bool in = false;
+    bool out = false;
+    for (const int n : elements[t].node) {
+      if (structure_->matrix.fixed(n)) continue;
+      in = in || zone_place(n) >= 0;
+      out = out || zone_place(n) < 0;
+    }
+    is_inside_[t] = in && !out;
+    if (is_inside_[t]) inside_.push_back(t);
+  }
+}
+
+void ZoneBase::add_inside(const TissueState& now, std::span<const Mat3> Q, MatX& S) const noexcept {
+  const SystemMatrix& matrix = structure_->matrix;
+  for (const int t : inside_) {
+    if (!now.alive[t]) continue;
+    const SystemMatrix::Element& element = matrix.elements()[t];
+    const Gradients b = now.rotation[t] * element.gradients;
+    const double mass = matrix.lumped_mass(t);
+    for (int i = 0; i < 4; ++i) {
+      const int a = element.node[i];
+      if (matrix.fixed(a)) continue;
+      const int p = zone_place(a);
+      for (int j = 0; j < 4; ++j) {
+        const int c = element.node[j];
+        const int q = zone_place(c);
+        if (matrix.fixed(c) || q > p) continue;
+        const Mat3 K = stiffness_block(b.col(i), b.col(j), element.volume, matrix.mu(), matrix.lambda());
+        auto block = S.block<3, 3>(3 * p, 3 * q);
+        block.noalias() += Q[a].transpose() * K * Q[c];
+        if (p == q) block.diagonal().array() += mass;
+      }
+    }
+  }
+}
+
+}  // namespace hapticd

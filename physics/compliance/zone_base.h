@@ -1,0 +1,82 @@
+// The base of method `zone`: an earlier A, factored with the zone last, and split at the zone.
+//
+//   A = A_in + A_out,   A_in: the live tetrahedra wholly inside the zone (stiffness, damping and their mass),
+//   A_out: all others.  S_out = A_out,zz − A_zr A_rr⁻¹ A_rz = L_zz L_zzᵀ − A_in
+//
+// Later the corner is S = Qᵀ A_in(now) Q + S_out, Q the turns of the nodes since. It is positive definite
+// whatever was removed inside and however far everything has turned: A_out ≥ M_out, the mass that its
+// elements lump on their nodes, and a Schur complement keeps that order, so S_out ≥ M_out,zz ≥ 0; and
+// A_in(now) ≥ M_in(now); so S ≥ M(now), which is positive wherever a live element is left. Elements with a
+// node outside the zone must stay as they were in the base: refreshed in A_zz alone, A_out would no longer be
+// a sum of elements, and its Schur complement may have any sign.
+// Shapes: S_out 3·zone square, lower triangle; node k of the zone's last places first. Units: N/m.
+// Source: DESIGN's method `zone`; departure from the paper: no low-rank term inside the zone.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "physics/compliance/compliance.h"
+#include "physics/compliance/node_order.h"
+#include "physics/compliance/rest_panels.h"
+#include "physics/compliance/system_matrix.h"
+
+namespace hapticd {
+
+// What every base of one body shares; never changes.
+struct ZoneStructure {
+  ZoneStructure(const TissueModel& model, double step);
+  double h;
+  NodeGraph graph;
+  std::vector<int> fill_order;
+  SystemMatrix matrix;  // not assembled: copied
+};
+
+class ZoneBase final : public ComplianceBase {
+ public:
+  // Copies what it needs of the state. `retired`: an old base, to be freed by whoever runs `make`.
+  ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone, const TissueState& state,
+           bool rounded_copy, std::unique_ptr<ZoneBase> retired = nullptr);
+
+  void make() override;
+
+  bool made() const noexcept { return made_; }
+  const std::vector<int>& zone() const noexcept { return zone_; }
+  int zone_size() const noexcept { return static_cast<int>(zone_.size()); }
+  int place(int node) const noexcept { return place_[node]; }                  // in the order
+  int zone_place(int node) const noexcept { return place_[node] - rest_; }     // < 0: not in the zone
+  const TissueState& state() const noexcept { return state_; }                 // without x and v
+  double identity_scale() const noexcept { return identity_scale_; }
+
+  // Elements wholly inside, and one flag for each element.
+  const std::vector<int>& inside() const noexcept { return inside_; }
+  bool is_inside(int tet) const noexcept { return is_inside_[tet] != 0; }
+
+  // Changed by what is carried over: see carried_terms.h.
+  RestPanels& panels() noexcept { return panels_; }
+  const RestPanels& panels() const noexcept { return panels_; }
+  MatX& outer_corner() noexcept { return S_out_; }
+
+  // Adds Qᵀ A_in Q of the live inside elements to the lower triangle of S.
+  void add_inside(const TissueState& now, std::span<const Mat3> Q, MatX& S) const noexcept;
+
+ private:
+  void find_inside();
+
+  std::shared_ptr<const ZoneStructure> structure_;
+  std::vector<int> zone_;
+  TissueState state_;
+  bool rounded_copy_;
+  std::unique_ptr<ZoneBase> retired_;
+  bool made_ = false;
+  int rest_ = 0;  // nodes before the zone
+  std::vector<int> place_;
+  std::vector<int> inside_;
+  std::vector<std::uint8_t> is_inside_;
+  RestPanels panels_;
+  MatX S_out_;
+  double identity_scale_ = 1;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,24 @@
+// What the charts share: which lenses there are, and how a picture is drawn.
+//
+// Units: SI. Errors: InputError for a mesh that is missing, std::runtime_error when the picture could not be
+// drawn.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "physics/tissue/tissue.h"
+
+namespace hapticd {
+
+// The lenses that come with the program, smallest first: "1k" (the cataract scene's, the published size),
+// "5k", "20k" (config/scenes/lens_large).
+const std::vector<std::string>& lens_names();
+
+// With the cataract scene's material, held at its zonule.
+TissueModel read_lens(const std::string& name);
+
+// Runs tools/SCRIPT with Debian's python on these files. The scripts lie beside the configuration.
+void draw(const std::string& script, const std::string& data, const std::string& picture);
+
+}  // namespace hapticd
