@@ -64,6 +64,7 @@ void Daemon::start() {
     simulation_.start();
   std::promise<std::vector<Grant>> granted;
   haptic_.start([&granted, core = realtime_core_] {
+    name_thread("haptic");
     prefault_stack();
     granted.set_value({use_core(core), use_fifo(haptic_priority)});
   });
@@ -88,6 +89,17 @@ nlohmann::json Daemon::summary() const {
   j["sim_step_ms"] = milliseconds(step);
   j["elements_removed"] = s.removed.load();
   j["fragments_aspirated"] = s.aspirated.load();
+  if (s.bases + s.bases_failed > 0) {
+    j["bases_adopted"] = s.bases.load();
+    j["bases_failed"] = s.bases_failed.load();
+    j["base_ms"] = milliseconds(simulation_.base_time().snapshot());
+  }
+  j["compliance_error_max"] = s.compliance_error.load();
+  j["compliance_degraded_steps"] = s.rough_steps.load();
+  j["zone_rotation_max_rad"] = s.rotation.load();
+  // At the simulation, in scene newtons: the problem before and the new one, solved at the same pose.
+  j["sim_force_peak_n"] = s.force_peak.load();
+  j["handover_jump_max_n"] = {{"at_base", s.jump_at_base.load()}, {"at_removal", s.jump_at_removal.load()}};
   j["recording_dropped"] = history_.dropped();
   j["recording_failed"] = diagnostics_.recording_failed();
   nlohmann::json grants = nlohmann::json::array();

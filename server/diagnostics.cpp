@@ -4,6 +4,8 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "server/realtime.h"
+
 namespace hapticd {
 namespace {
 
@@ -95,7 +97,10 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
 Diagnostics::~Diagnostics() { stop(); }
 
 void Diagnostics::start() {
-  thread_ = std::thread([this] { run(); });
+  thread_ = std::thread([this] {
+    name_thread("diagnostics");
+    run();
+  });
 }
 
 void Diagnostics::stop() noexcept {

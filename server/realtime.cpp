@@ -86,6 +86,8 @@ Grant use_core(int core) {
   return answer("core " + std::to_string(core), set_cores({core}), "choose one of the process's own cores");
 }
 
+void name_thread(const char* name) noexcept { pthread_setname_np(pthread_self(), name); }
+
 void prefault_stack() noexcept {
   constexpr std::size_t bytes = 512 * 1024, page = 4096;
   volatile char touched[bytes];

@@ -42,6 +42,7 @@ class CpuLatency {
 };
 
 // Calling thread.
+void name_thread(const char* name) noexcept;  // as ps and top show it; 15 characters
 Grant use_fifo(int priority);
 Grant use_core(int core);
 // Touches 512 KiB of stack below the caller, so that no later call faults there.

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "haptic/device.h"
+#include "physics/compliance/compliance.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
 #include "physics/simulation/removal.h"
@@ -35,6 +36,7 @@ struct Scene {
   std::string name;
   std::filesystem::path file;
   double rate = 50;                // simulation [Hz]
+  ComplianceMethod compliance = ComplianceMethod::exact;
   Renewal contact = Renewal::renewed;
   double alarm_distance = 0;       // [m]
   double sample_spacing = 0;       // of material sample points [m]

@@ -24,6 +24,11 @@ const char* shape_name(Shape shape) {
   return names[static_cast<int>(shape)];
 }
 
+const char* compliance_name(ComplianceMethod method) {
+  static const char* const names[] = {"exact", "zone", "lazy", "updown", "dense"};
+  return names[static_cast<int>(method)];
+}
+
 // Mean edge length: the resolution of a mesh [m].
 double mean_edge(const TetMesh& mesh) {
   double sum = 0;
@@ -43,8 +48,10 @@ void describe_body(std::string& out, const SceneBody& body) {
     const Material& m = body.material;
     line(out, "           E %.4g Pa, nu %.3g, density %.4g kg/m3, damping alpha %.3g 1/s, beta %.3g s",
          m.young, m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
-    if (body.fixed_nodes.empty()) line(out, "           floating");
-    else line(out, "           %zu fixed nodes", body.fixed_nodes.size());
+    if (body.fixed_nodes.empty())
+      line(out, "           floating");
+    else
+      line(out, "           %zu fixed nodes", body.fixed_nodes.size());
   }
   if (body.friction > 0) line(out, "           friction %.3g", body.friction);
 }
@@ -69,8 +76,8 @@ double felt_stiffness(const Scene& scene) {
 std::string describe(const Scene& scene) {
   std::string out;
   line(out, "scene      %s (%s)", scene.name.c_str(), scene.file.string().c_str());
-  line(out, "step       h = %.3g ms (%.4g Hz), compliance exact, contact %s", 1e3 / scene.rate, scene.rate,
-       scene.contact == Renewal::renewed ? "renewed" : "frozen");
+  line(out, "step       h = %.3g ms (%.4g Hz), compliance %s, contact %s", 1e3 / scene.rate, scene.rate,
+       compliance_name(scene.compliance), scene.contact == Renewal::renewed ? "renewed" : "frozen");
   line(out, "contact    alarm distance %.2f mm, samples %.2f mm apart", 1e3 * scene.alarm_distance,
        1e3 * scene.sample_spacing);
   for (const SceneBody& body : scene.bodies) describe_body(out, body);

@@ -21,10 +21,15 @@ constexpr NumberRange reach{0, 0.1, false, false, "metres"};
 constexpr NumberRange position_scale{0, 1e3, true, false, "scene metres per device metre"};
 constexpr NumberRange force_scale{0, 1e6, true, false, "device newtons per scene newton"};
 
+// As the key names them. No `dense`: an oracle, impossible beyond a thousand nodes.
+constexpr ComplianceMethod compliance_methods[] = {ComplianceMethod::exact, ComplianceMethod::zone,
+                                                   ComplianceMethod::lazy, ComplianceMethod::updown};
+
 void read_simulation(const YamlMap& yaml, Scene& scene) {
   yaml.only({"rate", "compliance", "contact", "alarm_distance", "sample_spacing"});
   scene.rate = yaml.number("rate", rate, scene.rate);
-  if (yaml.has("compliance")) yaml.choice("compliance", {"exact"});
+  if (yaml.has("compliance"))
+    scene.compliance = compliance_methods[yaml.choice("compliance", {"exact", "zone", "lazy", "updown"})];
   if (yaml.has("contact"))
     scene.contact = yaml.choice("contact", {"renewed", "frozen"}) == 0 ? Renewal::renewed : Renewal::frozen;
   scene.alarm_distance = yaml.number("alarm_distance", alarm_distance);
@@ -59,8 +64,8 @@ void read_device_of(const YamlMap& yaml, const std::string& replacement, Scene& 
   scene.device_file =
       device_path(name, replacement.empty() ? yaml.folder() : std::filesystem::current_path());
   if (!std::filesystem::is_regular_file(scene.device_file)) {
-    const std::string what = "no such file: " + scene.device_file.string() +
-                             " (a name from config/devices, or a path)";
+    const std::string what =
+        "no such file: " + scene.device_file.string() + " (a name from config/devices, or a path)";
     throw replacement.empty() ? yaml.error("device", what) : InputError(scene.device_file, 0, "device", what);
   }
   const DeviceFile device = read_device(scene.device_file);

@@ -1,9 +1,15 @@
 #include "server/simulation_loop.h"
 
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
 #include <cmath>
 #include <ctime>
+#include <optional>
 
 #include "haptic/loop.h"
+#include "server/realtime.h"
 
 namespace hapticd {
 namespace {
@@ -12,6 +18,17 @@ void sleep_until(std::int64_t ns) {
   const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
   }
+}
+
+// A base may wait; the step on the same core may not. Refused or not, nothing depends on it.
+void be_nice() {
+  constexpr int lowest = 19;
+  setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), lowest);
+}
+
+// One writer.
+void raise(std::atomic<double>& largest, double value) {
+  if (value > largest.load(std::memory_order_relaxed)) largest.store(value, std::memory_order_relaxed);
 }
 
 }  // namespace
@@ -28,7 +45,12 @@ SimulationLoop::~SimulationLoop() { stop(); }
 
 void SimulationLoop::start(std::function<void()> on_thread) {
   stopping_ = false;
+  bases_.start([] {
+    name_thread("bases");
+    be_nice();
+  });
   thread_ = std::thread([this, on_thread = std::move(on_thread)] {
+    name_thread("simulation");
     if (on_thread) on_thread();
     try {
       run();
@@ -42,6 +64,7 @@ void SimulationLoop::start(std::function<void()> on_thread) {
 void SimulationLoop::stop() noexcept {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
+  bases_.stop();
 }
 
 void SimulationLoop::run() {
@@ -67,18 +90,41 @@ InstrumentSample SimulationLoop::latest() {
   return {i.X, i.present, (i.buttons & pedal_phaco) != 0, (i.buttons & pedal_aspiration) != 0};
 }
 
+void SimulationLoop::adopt_bases() {
+  while (std::optional<BaseJob> job = bases_.take()) {
+    if (job->failed) statistics_.bases_failed.fetch_add(1, std::memory_order_relaxed);
+    world_.adopt(std::move(*job));
+  }
+}
+
+void SimulationLoop::count(const StepReport& report) {
+  SimulationStatistics& s = statistics_;
+  s.steps.fetch_add(1, std::memory_order_relaxed);
+  s.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
+  s.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated), std::memory_order_relaxed);
+  s.bases.fetch_add(static_cast<std::uint64_t>(report.bases_adopted), std::memory_order_relaxed);
+  bool degraded = false;
+  for (const BodyReport& b : report.compliance) {
+    degraded = degraded || b.compliance.health == ComplianceHealth::degraded;
+    raise(s.compliance_error, b.compliance.error);
+    raise(s.rotation, b.compliance.rotation_since_base);
+  }
+  if (degraded) s.rough_steps.fetch_add(1, std::memory_order_relaxed);
+  raise(s.force_peak, report.contact.wrench.head<3>().norm());
+  raise(report.removed > 0 ? s.jump_at_removal : s.jump_at_base, report.handover_jump);
+}
+
 void SimulationLoop::step() {
   const std::int64_t begin = monotonic_ns();
+  adopt_bases();
   CondensedProblem& problem = problems_.back();
   const StepReport report = world_.step([this] { return latest(); }, problem);
   problem.published_ns = monotonic_ns();
   problems_.publish();
+  for (BaseJob& job : world_.wanted_bases()) bases_.give(std::move(job));
   const std::int64_t spent = monotonic_ns() - begin;
   statistics_.step.record(spent);
-  statistics_.steps.fetch_add(1, std::memory_order_relaxed);
-  statistics_.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
-  statistics_.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated),
-                                  std::memory_order_relaxed);
+  count(report);
   publish_snapshot(spent);
 }
 

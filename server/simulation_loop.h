@@ -1,6 +1,7 @@
 // The simulation thread: a world stepped at the scene's rate, its problems published to the haptic loop.
 //
-//   every 1/rate:  world.step (latching the newest instrument) → publish problem → snapshot for display
+//   every 1/rate:  adopt the bases that are ready → world.step (latching the newest instrument) → publish
+//                  problem → ask for the bases that are wanted → snapshot for display
 //
 // Time: an absolute grid on CLOCK_MONOTONIC; a step that ends late leaves the passed grid points out
 // (`overruns` counts them) and simulation time falls behind real time by as much.
@@ -20,16 +21,25 @@
 #include "haptic/device.h"
 #include "haptic/histogram.h"
 #include "physics/simulation/world.h"
+#include "server/base_maker.h"
 #include "server/diagnostics.h"
 
 namespace hapticd {
 
 struct SimulationStatistics {
-  Histogram step;  // compute time of a step
+  Histogram step;  // compute time of a step, bases adopted and asked for included
   std::atomic<std::uint64_t> steps{0};
   std::atomic<std::uint64_t> overruns{0};   // grid points left out
   std::atomic<std::uint64_t> removed{0};    // tetrahedra
   std::atomic<std::uint64_t> aspirated{0};  // fragments
+  std::atomic<std::uint64_t> bases{0};      // adopted
+  std::atomic<std::uint64_t> bases_failed{0};
+  std::atomic<std::uint64_t> rough_steps{0};  // with a compliance `degraded`
+  std::atomic<double> compliance_error{0};    // largest sampled
+  std::atomic<double> rotation{0};            // largest of a zone node since its base [rad]
+  std::atomic<double> force_peak{0};          // on the instrument [N]
+  std::atomic<double> jump_at_base{0};        // StepReport::handover_jump, largest in steps with a new base alone
+  std::atomic<double> jump_at_removal{0};     // … in steps that removed something
   std::atomic<std::int64_t> first_ns{0};    // intended time of the first step
   std::atomic<std::int64_t> last_ns{0};     // intended time of the newest step
 
@@ -49,17 +59,21 @@ class SimulationLoop {
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
 
-  // on_thread runs on the new thread before its first step: the place for affinity.
+  // on_thread runs on the new thread before its first step: the place for affinity. The thread that makes
+  // bases takes whatever time any core has left.
   void start(std::function<void()> on_thread = {});
   void stop() noexcept;
 
   bool failed() const noexcept { return failed_.load(std::memory_order_acquire); }
   const std::string& failure() const noexcept { return failure_; }  // after failed()
   const SimulationStatistics& statistics() const noexcept { return statistics_; }
+  const Histogram& base_time() const noexcept { return bases_.make_time(); }
 
  private:
   void run();
   void step();
+  void adopt_bases();
+  void count(const StepReport& report);
   InstrumentSample latest();
   void publish_snapshot(std::int64_t step_ns);
 
@@ -69,6 +83,7 @@ class SimulationLoop {
   Channel<CondensedProblem>& problems_;
   Channel<SceneSnapshot>& snapshots_;
   SimulationStatistics statistics_;
+  BaseMaker bases_;
   std::atomic<bool> stopping_{false};
   std::atomic<bool> failed_{false};
   std::string failure_;

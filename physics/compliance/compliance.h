@@ -29,16 +29,17 @@ enum class ComplianceMethod : std::uint8_t { exact, zone, lazy, updown, dense };
 enum class NodeOrder : std::uint8_t { zone_last, metis };
 
 struct ComplianceOptions {
-  double good_error = 1e-6;       // sampled error above it: rebase_wanted
+  double good_error = 1e-6;       // sampled error above it: not `good`
+  double rebase_error = 0.03;     // … above it: a base is wanted
   double usable_error = 0.1;      // … above it: degraded
-  double rebase_rotation = 0.15;  // largest rotation of a zone node since the base that is left alone [rad]
+  double rebase_rotation = 0.5;   // largest rotation of a zone node since the base that is left alone [rad]
   int rebase_age = 1000;          // updates since the base that are left alone
   int rebase_removed = 64;        // removals carried over as low-rank terms that are left alone
   int most_carried = 256;         // zone: more of them are not carried, but wait for the next base
   bool base_on_the_spot = true;   // zone: which `update` then makes itself, late; false: somebody else does
   int sample_every = 1;           // updates between two samples of the error
   bool warp = true;               // turn the base with the nodes
-  bool rounded_base = false;      // zone: solve with a copy of the base factor in single precision
+  bool rounded_base = false;      // zone: solve with a rounded copy of the base factor (rest_panels.h)
   NodeOrder updown_order = NodeOrder::zone_last;
   int lazy_rebase_after = 0;      // lazy: removals after which `update` makes a new base; 0: never, as the paper
 };

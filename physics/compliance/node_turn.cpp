@@ -1,10 +1,76 @@
 #include "physics/compliance/node_turn.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "physics/tissue/rotation.h"
 
 namespace hapticd {
+
+namespace {
+
+constexpr int lanes = 8;  // nodes side by side, so that the compiler may use vector registers
+constexpr int most_steps = 8;
+constexpr double near_rotation = 0.5;  // ‖MᵀM − I‖ below which Newton–Schulz converges fast
+
+struct Lanes {
+  double m[9][lanes];  // entries of column-major 3×3 matrices
+};
+
+// R ← R − ½ R (RᵀR − I) on each lane; size[l] = ‖RᵀR − I‖² before the step.
+void newton_schulz(Lanes& R, double* size) noexcept {
+  for (int l = 0; l < lanes; ++l) {
+    double e[3][3];
+    double sum = 0;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j <= i; ++j) {
+        double dot = i == j ? -1.0 : 0.0;
+        for (int k = 0; k < 3; ++k) dot += R.m[3 * i + k][l] * R.m[3 * j + k][l];
+        e[i][j] = e[j][i] = dot;
+        sum += (i == j ? 1 : 2) * dot * dot;
+      }
+    size[l] = sum;
+    for (int k = 0; k < 3; ++k) {
+      const double r[3] = {R.m[k][l], R.m[3 + k][l], R.m[6 + k][l]};
+      for (int j = 0; j < 3; ++j)
+        R.m[3 * j + k][l] = r[j] - 0.5 * (r[0] * e[0][j] + r[1] * e[1][j] + r[2] * e[2][j]);
+    }
+  }
+}
+
+// The rotations nearest to sums of rotations, M[0 … lanes): scaled to the norm of one, such a sum is near its
+// polar factor unless the rotations disagree widely, and Newton–Schulz finds that without a branch.
+void nearest_to_sums(Mat3* M) noexcept {
+  Lanes R;
+  for (int l = 0; l < lanes; ++l) {
+    const double norm = M[l].norm();
+    const double scale = norm > 0 ? std::sqrt(3.0) / norm : 0;
+    for (int i = 0; i < 9; ++i) R.m[i][l] = scale * M[l].data()[i];
+  }
+  double size[lanes];
+  bool near[lanes];
+  newton_schulz(R, size);
+  double worst = 0;
+  for (int l = 0; l < lanes; ++l) {
+    near[l] = size[l] < near_rotation * near_rotation && M[l].determinant() > 0;
+    if (near[l]) worst = std::max(worst, size[l]);
+  }
+  // A step squares ‖RᵀR − I‖.
+  for (int step = 1; step < most_steps && worst > 1e-16; ++step) {
+    newton_schulz(R, size);
+    worst = 0;
+    for (int l = 0; l < lanes; ++l)
+      if (near[l]) worst = std::max(worst, size[l]);
+  }
+  for (int l = 0; l < lanes; ++l) {
+    if (!near[l])
+      M[l] = nearest_rotation(M[l], Mat3::Identity());
+    else
+      for (int i = 0; i < 9; ++i) M[l].data()[i] = R.m[i][l];
+  }
+}
+
+}  // namespace
 
 NodeTurn::NodeTurn(const TissueModel& model)
     : model_(model), start_(model.node_count() + 1, 0), base_(model.tet_count(), Mat3::Identity()) {
@@ -19,14 +85,22 @@ NodeTurn::NodeTurn(const TissueModel& model)
 
 Mat3 NodeTurn::operator()(int node, const TissueState& state) const noexcept {
   Mat3 sum = Mat3::Zero();
-  double volume = 0;
-  for (int k = start_[node]; k < start_[node + 1]; ++k) {
-    const int t = tet_[k];
+  for (int k = start_[node]; k < start_[node + 1]; ++k)
+    if (const int t = tet_[k]; state.alive[t])
+      sum.noalias() += model_.volume[t] * state.rotation[t] * base_[t].transpose();
+  return nearest_rotation(sum, Mat3::Identity());  // of nothing: the identity
+}
+
+void NodeTurn::all(const TissueState& state, std::vector<Mat3>& Q) const {
+  const int nodes = model_.node_count();
+  Q.assign((nodes + lanes - 1) / lanes * lanes, Mat3::Zero());
+  for (int t = 0; t < model_.tet_count(); ++t) {
     if (!state.alive[t]) continue;
-    sum.noalias() += model_.volume[t] * state.rotation[t] * base_[t].transpose();
-    volume += model_.volume[t];
+    const Mat3 turn = (model_.volume[t] * state.rotation[t]) * base_[t].transpose();
+    for (const int n : model_.mesh.tets[t]) Q[n] += turn;
   }
-  return volume > 0 ? nearest_rotation(sum / volume, Mat3::Identity()) : Mat3::Identity();
+  for (std::size_t n = 0; n < Q.size(); n += lanes) nearest_to_sums(&Q[n]);
+  Q.resize(nodes);
 }
 
 double angle_of(const Mat3& rotation) noexcept {

@@ -23,6 +23,9 @@ class NodeTurn {
   // Q of one node at the state's rotations.
   Mat3 operator()(int node, const TissueState& state) const noexcept;
 
+  // Q of every node, in one pass over the tetrahedra.
+  void all(const TissueState& state, std::vector<Mat3>& Q) const;
+
   const std::vector<Mat3>& base() const noexcept { return base_; }
 
  private:

@@ -19,7 +19,18 @@ struct SampledError {
   double error = 0;
 };
 
-// `A` assembled at the state of the compliance's last update.
+// The first half of a sample: r = b − A y.
+struct ResidualSample {
+  VecX r;               // empty: nothing is in the system
+  double residual = 0;  // ‖r‖/‖b‖
+  double answer = 0;    // ‖y‖
+};
+ResidualSample sample_residual(Compliance& compliance, const SystemMatrix& A);
+
+// The second half; after a further update it is C of then, which to first order is the same.
+SampledError error_of(Compliance& compliance, ResidualSample sample);
+
+// Both. `A` assembled at the state of the compliance's last update.
 SampledError sample_error(Compliance& compliance, const SystemMatrix& A);
 
 ComplianceHealth health_of(const SampledError& sampled, const ComplianceOptions& options) noexcept;

@@ -1,87 +1,12 @@
 #include "physics/compliance/rest_panels.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "physics/compliance/panel_kernels.h"
 
 namespace hapticd {
-
-namespace {
-
-constexpr int lanes = 8;  // independent sums, so that the compiler may use vector registers
-
-// y += P x for a column-major P (height × width, leading dimension ld), four columns at a time.
-template <typename T>
-void add_product(const T* P, int ld, int height, int width, const double* x, double* y) noexcept {
-  int j = 0;
-  for (; j + 4 <= width; j += 4) {
-    const T *p0 = P + static_cast<std::ptrdiff_t>(j) * ld, *p1 = p0 + ld, *p2 = p1 + ld, *p3 = p2 + ld;
-    const double x0 = x[j], x1 = x[j + 1], x2 = x[j + 2], x3 = x[j + 3];
-    for (int i = 0; i < height; ++i)
-      y[i] += static_cast<double>(p0[i]) * x0 + static_cast<double>(p1[i]) * x1 +
-              static_cast<double>(p2[i]) * x2 + static_cast<double>(p3[i]) * x3;
-  }
-  for (; j < width; ++j) {
-    const T* p = P + static_cast<std::ptrdiff_t>(j) * ld;
-    for (int i = 0; i < height; ++i) y[i] += static_cast<double>(p[i]) * x[j];
-  }
-}
-
-template <typename T>
-double dot(const T* p, const double* x, int size) noexcept {
-  double sum[lanes] = {};
-  int i = 0;
-  for (; i + lanes <= size; i += lanes)
-    for (int l = 0; l < lanes; ++l) sum[l] += static_cast<double>(p[i + l]) * x[i + l];
-  double total = 0;
-  for (; i < size; ++i) total += static_cast<double>(p[i]) * x[i];
-  for (const double s : sum) total += s;
-  return total;
-}
-
-// x ← L⁻¹ x and x ← L⁻ᵀ x for a small lower triangle.
-template <typename T>
-void solve_lower(const T* L, int ld, int size, double* x) noexcept {
-  for (int j = 0; j < size; ++j) {
-    const T* l = L + static_cast<std::ptrdiff_t>(j) * ld;
-    const double xj = x[j] /= static_cast<double>(l[j]);
-    for (int i = j + 1; i < size; ++i) x[i] -= static_cast<double>(l[i]) * xj;
-  }
-}
-
-template <typename T>
-void solve_upper(const T* L, int ld, int size, double* x) noexcept {
-  for (int j = size - 1; j >= 0; --j) {
-    const T* l = L + static_cast<std::ptrdiff_t>(j) * ld;
-    x[j] = (x[j] - dot(l + j + 1, x + j + 1, size - j - 1)) / static_cast<double>(l[j]);
-  }
-}
-
-template <typename T, typename Panels>
-void forward_with(const Panels& panels, const int* rows, const T* values, double* x, double* t) noexcept {
-  for (const auto& p : panels) {
-    const T* value = values + p.value;
-    const int below = p.height - p.width;
-    solve_lower(value, p.height, p.width, x + p.first);
-    std::fill(t, t + below, 0.0);
-    add_product(value + p.width, p.height, below, p.width, x + p.first, t);
-    const int* row = rows + p.row + p.width;
-    for (int i = 0; i < below; ++i) x[row[i]] -= t[i];
-  }
-}
-
-template <typename T, typename Panels>
-void backward_with(const Panels& panels, const int* rows, const T* values, double* x, double* t) noexcept {
-  for (auto p = panels.rbegin(); p != panels.rend(); ++p) {
-    const T* value = values + p->value;
-    const int below = p->height - p->width;
-    const int* row = rows + p->row + p->width;
-    for (int i = 0; i < below; ++i) t[i] = x[row[i]];
-    for (int j = 0; j < p->width; ++j)
-      x[p->first + j] -= dot(value + static_cast<std::ptrdiff_t>(j) * p->height + p->width, t, below);
-    solve_upper(value, p->height, p->width, x + p->first);
-  }
-}
-
-}  // namespace
 
 RestPanels::RestPanels(const cholmod_factor& L, int rest_dofs, bool rounded_copy) : rest_dofs_(rest_dofs) {
   const int* super = static_cast<const int*>(L.super);
@@ -107,23 +32,111 @@ RestPanels::RestPanels(const cholmod_factor& L, int rest_dofs, bool rounded_copy
     const double* from = values + value_start[s];
     value_.insert(value_.end(), from, from + static_cast<std::ptrdiff_t>(p.width) * p.height);
   }
-  if (rounded_copy) rounded_.assign(value_.begin(), value_.end());
+  if (rounded_copy) round();
   gathered_.resize(tallest);
   touched_.assign(panel_.size(), 0);
 }
 
+void RestPanels::round() {
+  constexpr double largest = std::numeric_limits<std::int16_t>::max();
+  std::size_t triangles = 0;
+  std::size_t others = 0;
+  for (Panel& p : panel_) {
+    p.triangle = static_cast<std::ptrdiff_t>(triangles);
+    p.other = static_cast<std::ptrdiff_t>(others);
+    triangles += static_cast<std::size_t>(p.width) * p.width;
+    others += static_cast<std::size_t>(p.width) * (p.height - p.width);
+  }
+  triangle_.reserve(triangles);
+  other_.reserve(others);
+  unit_.reserve(rest_dofs_);
+  for (const Panel& p : panel_)
+    for (int j = 0; j < p.width; ++j) {
+      const double* column = &value_[p.value] + static_cast<std::ptrdiff_t>(j) * p.height;
+      for (int i = 0; i < p.width; ++i) triangle_.push_back(static_cast<float>(column[i]));
+      double most = 0;
+      for (int i = p.width; i < p.height; ++i) most = std::max(most, std::abs(column[i]));
+      const double unit = most > 0 ? most / largest : 1;
+      unit_.push_back(static_cast<float>(unit));
+      for (int i = p.width; i < p.height; ++i)
+        other_.push_back(static_cast<std::int16_t>(std::lround(column[i] / unit)));
+    }
+  int tallest = 0;
+  for (const Panel& p : panel_) tallest = std::max(tallest, p.height);
+  single_.resize(2 * static_cast<std::size_t>(tallest));
+}
+
 void RestPanels::forward(VecX& x, PanelPrecision precision) noexcept {
-  if (precision == PanelPrecision::single && has_rounded_copy())
-    forward_with(panel_, row_.data(), rounded_.data(), x.data(), gathered_.data());
+  if (precision == PanelPrecision::rounded && has_rounded_copy())
+    forward_rounded(x);
   else
-    forward_with(panel_, row_.data(), value_.data(), x.data(), gathered_.data());
+    forward_full(x);
 }
 
 void RestPanels::backward(VecX& x, PanelPrecision precision) noexcept {
-  if (precision == PanelPrecision::single && has_rounded_copy())
-    backward_with(panel_, row_.data(), rounded_.data(), x.data(), gathered_.data());
+  if (precision == PanelPrecision::rounded && has_rounded_copy())
+    backward_rounded(x);
   else
-    backward_with(panel_, row_.data(), value_.data(), x.data(), gathered_.data());
+    backward_full(x);
+}
+
+void RestPanels::forward_full(VecX& x) noexcept {
+  double* t = gathered_.data();
+  for (const Panel& p : panel_) {
+    const double* value = &value_[p.value];
+    const int below = p.height - p.width;
+    panels::solve_lower(value, p.height, p.width, &x[p.first]);
+    std::fill(t, t + below, 0.0);
+    panels::add_product(value + p.width, p.height, below, p.width, &x[p.first], t);
+    const int* row = &row_[p.row + p.width];
+    for (int i = 0; i < below; ++i) x[row[i]] -= t[i];
+  }
+}
+
+void RestPanels::backward_full(VecX& x) noexcept {
+  double* t = gathered_.data();
+  for (auto p = panel_.rbegin(); p != panel_.rend(); ++p) {
+    const double* value = &value_[p->value];
+    const int below = p->height - p->width;
+    const int* row = &row_[p->row + p->width];
+    for (int i = 0; i < below; ++i) t[i] = x[row[i]];
+    panels::subtract_transposed(value + p->width, p->height, below, p->width, t, &x[p->first]);
+    panels::solve_upper(value, p->height, p->width, &x[p->first]);
+  }
+}
+
+void RestPanels::forward_rounded(VecX& x) noexcept {
+  float* own = single_.data();
+  for (const Panel& p : panel_) {
+    const int below = p.height - p.width;
+    float* t = own + p.width;
+    for (int j = 0; j < p.width; ++j) own[j] = static_cast<float>(x[p.first + j]);
+    panels::solve_lower(&triangle_[p.triangle], p.width, p.width, own);
+    for (int j = 0; j < p.width; ++j) {
+      x[p.first + j] = own[j];
+      own[j] *= unit_[p.first + j];
+    }
+    std::fill(t, t + below, 0.0F);
+    panels::add_product(&other_[p.other], below, below, p.width, own, t);
+    const int* row = &row_[p.row + p.width];
+    for (int i = 0; i < below; ++i) x[row[i]] -= static_cast<double>(t[i]);
+  }
+}
+
+void RestPanels::backward_rounded(VecX& x) noexcept {
+  float* own = single_.data();
+  for (auto p = panel_.rbegin(); p != panel_.rend(); ++p) {
+    const int below = p->height - p->width;
+    float* t = own + p->width;
+    const int* row = &row_[p->row + p->width];
+    for (int i = 0; i < below; ++i) t[i] = static_cast<float>(x[row[i]]);
+    std::fill(own, own + p->width, 0.0F);
+    panels::subtract_transposed(&other_[p->other], below, below, p->width, t, own);
+    for (int j = 0; j < p->width; ++j)
+      own[j] = static_cast<float>(x[p->first + j]) + unit_[p->first + j] * own[j];
+    panels::solve_upper(&triangle_[p->triangle], p->width, p->width, own);
+    for (int j = 0; j < p->width; ++j) x[p->first + j] = own[j];
+  }
 }
 
 void RestPanels::forward_sparse(MatX& X, std::span<const int> nonzero, std::vector<int>& reached) {
@@ -154,8 +167,9 @@ void RestPanels::forward_sparse(MatX& X, std::span<const int> nonzero, std::vect
 }
 
 std::size_t RestPanels::memory_bytes() const noexcept {
-  return value_.size() * sizeof(double) + rounded_.size() * sizeof(float) +
-         (row_.size() + panel_of_.size()) * sizeof(int) + panel_.size() * sizeof(Panel);
+  return value_.size() * sizeof(double) + (triangle_.size() + unit_.size()) * sizeof(float) +
+         other_.size() * sizeof(std::int16_t) + (row_.size() + panel_of_.size()) * sizeof(int) +
+         panel_.size() * sizeof(Panel);
 }
 
 }  // namespace hapticd

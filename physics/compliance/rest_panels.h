@@ -4,11 +4,12 @@
 //                              backward x_r ← L_rr⁻ᵀ (x_r − L_zrᵀ x_z)
 //
 // so that a solve may use another corner than L_zz between its two halves. A supernode that reaches into
-// the zone is cut at the zone's first column. A solve is bound by memory traffic: values can be read from a
-// copy rounded to single precision, the arithmetic staying double.
-// `forward_sparse` visits only the panels that few nonzero rows reach, on many right-hand sides at once.
-// Shapes: vectors and columns of 3·nodes in the order's places. Units: L Lᵀ [N/m]. Solves of one vector
-// allocate nothing once one was done; several threads need several objects.
+// the zone is cut at the zone's first column. A solve is bound by memory traffic, so it can go with a rounded
+// copy in single-precision arithmetic: the panels' triangles in single precision, what is below them in
+// 16-bit fixed point, a unit for each column (its largest entry / 32767): a quarter of the bytes, about 1e-4
+// of the result. `forward_sparse` visits only the panels that few nonzero rows reach, on many right-hand
+// sides at once. Shapes: vectors and columns of 3·nodes in the order's places. Units: L Lᵀ [N/m]. Solves of
+// one vector allocate nothing once one was done; several threads need several objects.
 #pragma once
 
 #include <cholmod.h>
@@ -21,7 +22,7 @@
 
 namespace hapticd {
 
-enum class PanelPrecision : std::uint8_t { full, single };
+enum class PanelPrecision : std::uint8_t { full, rounded };
 
 class RestPanels {
  public:
@@ -30,7 +31,7 @@ class RestPanels {
   RestPanels(const cholmod_factor& L, int rest_dofs, bool rounded_copy);
 
   int rest_dofs() const noexcept { return rest_dofs_; }
-  bool has_rounded_copy() const noexcept { return !rounded_.empty(); }
+  bool has_rounded_copy() const noexcept { return !unit_.empty(); }
 
   void forward(VecX& x, PanelPrecision precision) noexcept;
   void backward(VecX& x, PanelPrecision precision) noexcept;
@@ -43,19 +44,30 @@ class RestPanels {
 
  private:
   struct Panel {
-    int first;          // column
+    int first;  // column
     int width;
-    int height;         // rows, the panel's own columns first
+    int height;  // rows, the panel's own columns first
     std::ptrdiff_t row;
     std::ptrdiff_t value;
+    std::ptrdiff_t triangle = 0;  // of the rounded copy
+    std::ptrdiff_t other = 0;
   };
+
+  void round();
+  void forward_full(VecX& x) noexcept;
+  void backward_full(VecX& x) noexcept;
+  void forward_rounded(VecX& x) noexcept;
+  void backward_rounded(VecX& x) noexcept;
 
   int rest_dofs_ = 0;
   std::vector<Panel> panel_;
   std::vector<int> panel_of_;  // per rest column
   std::vector<int> row_;
   std::vector<double> value_;
-  std::vector<float> rounded_;
+  std::vector<float> triangle_;      // width × width each
+  std::vector<std::int16_t> other_;  // (height − width) × width each
+  std::vector<float> unit_;          // per rest column
+  std::vector<float> single_;        // scratch
   VecX gathered_;
   std::vector<std::uint8_t> touched_;  // per panel
   MatX below_;

@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "physics/compliance/carried_terms.h"
 #include "physics/compliance/node_turn.h"
@@ -76,11 +78,14 @@ class ZoneCompliance final : public Compliance {
       make_now(state);
       follow(state);
       if (!factor_corner(state))
-        throw std::runtime_error("the system matrix A is not positive definite: a body (or a part cut from "
-                                 "it) has neither mass nor support");
+        throw std::runtime_error(
+            "the system matrix A is not positive definite: a body (or a part cut from "
+            "it) has neither mass nor support");
     }
     ++base_age_;
-    due_ = updates_++ % std::max(1, options_.sample_every) == 0;
+    // A step that has just paid for a new base does not pay for a sample too.
+    due_ = ++since_sample_ >= options_.sample_every && (base_age_ > 1 || options_.sample_every <= 1);
+    if (due_) since_sample_ = 0;
     if (due_) matrix_.assemble(state);
     fresh_sample_ = false;
     updated_ = true;
@@ -142,8 +147,12 @@ class ZoneCompliance final : public Compliance {
     ComplianceReport report;
     for (const int n : base_->zone())
       if (in_system_[n]) report.rotation_since_base = std::max(report.rotation_since_base, angle_of(Q_[n]));
-    if (due_ && !fresh_sample_) {
-      sampled_ = sample_error(*this, matrix_);
+    if (half_sample_ && !due_) {
+      sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
+    } else if (due_ && !fresh_sample_) {
+      half_sample_ = sample_residual(*this, matrix_);
+      // Where samples are rare, their halves fall into two steps.
+      if (options_.sample_every <= 1) sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
       Q_at_sample_ = Q_;
       removed_at_sample_ = gone_count_;
       fresh_sample_ = true;
@@ -153,7 +162,8 @@ class ZoneCompliance final : public Compliance {
     report.health = health_of(sampled_, options_);
     if (report.health == ComplianceHealth::good && (left_behind_ > 0 || !sample_holds()))
       report.health = ComplianceHealth::rebase_wanted;
-    report.wants_base = report.health != ComplianceHealth::good ||
+    report.wants_base = report.health == ComplianceHealth::degraded || left_behind_ > 0 ||
+                        std::max(sampled_.residual, sampled_.error) > options_.rebase_error ||
                         report.rotation_since_base > options_.rebase_rotation ||
                         base_age_ > options_.rebase_age || carried_count_ > options_.rebase_removed;
     report.removed_since_base = removed_since_base_;
@@ -177,7 +187,7 @@ class ZoneCompliance final : public Compliance {
 
  private:
   PanelPrecision precision() const {
-    return options_.rounded_base ? PanelPrecision::single : PanelPrecision::full;
+    return options_.rounded_base ? PanelPrecision::rounded : PanelPrecision::full;
   }
 
   void require_update() const {
@@ -195,6 +205,9 @@ class ZoneCompliance final : public Compliance {
     retired_ = std::move(base_);
     base_ = std::move(base);
     turn_.set_base(base_->state().rotation);
+    half_sample_.reset();
+    sampled_ = {};  // of the base that went
+    Q_at_sample_.clear();
     carried_.clear(3 * model_.node_count());
     x_.resize(3 * model_.node_count());
     gone_.resize(model_.tet_count());
@@ -204,7 +217,6 @@ class ZoneCompliance final : public Compliance {
     for (int n = 0; n < model_.node_count(); ++n)
       stayed_orphan_[n] = base_->state().live_tets_of_node[n] == 0;
     removed_since_base_ = base_age_ = carried_count_ = left_behind_ = 0;
-    updates_ = 0;
     if (state.removed != gone_count_) remove_untold(state);
   }
 
@@ -248,10 +260,9 @@ class ZoneCompliance final : public Compliance {
   }
 
   void follow(const TissueState& state) {
-    for (int n = 0; n < model_.node_count(); ++n) {
+    for (int n = 0; n < model_.node_count(); ++n)
       in_system_[n] = !model_.fixed[n] && state.live_tets_of_node[n] > 0;
-      if (options_.warp && in_system_[n]) Q_[n] = turn_(n, state);
-    }
+    if (options_.warp) turn_.all(state, Q_);
   }
 
   bool factor_corner(const TissueState& state) {
@@ -271,31 +282,50 @@ class ZoneCompliance final : public Compliance {
     return info == 0;
   }
 
-  // C_ab = f_aᵀ f_b over the rest, λ and corner, f = the first half of a solve for a unit force.
+  // Nodes of which some lie outside the zone, by a half solve for each of those: with f the first half of a
+  // solve for a unit force,  C_uu = f_uᵀ f_u over rest, Λ and corner,  C_cu = rows c of S⁻¹ (f_u before the
+  // corner).
   void patch_beyond_zone(std::span<const int> nodes, Eigen::Ref<MatX> block) {
-    const int rest = base_->panels().rest_dofs();
+    std::vector<int> outside;  // indices into nodes
     std::vector<int> nonzero;
-    for (const int n : nodes)
-      for (int r = 0; r < 3; ++r) nonzero.push_back(3 * base_->place(n) + r);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (!in_system_[nodes[i]] || places_[i] >= 0) continue;
+      outside.push_back(static_cast<int>(i));
+      for (int r = 0; r < 3; ++r) nonzero.push_back(3 * base_->place(nodes[i]) + r);
+      places_[i] = -1;
+    }
+    patch_inverse_(L_, places_, block);  // rows and columns of those outside stay zero
+
     MatX X = MatX::Zero(x_.size(), static_cast<Eigen::Index>(nonzero.size()));
-    for (std::size_t k = 0; k < nonzero.size(); ++k)
-      if (in_system_[nodes[k / 3]]) X(nonzero[k], static_cast<Eigen::Index>(k)) = 1;
+    for (std::size_t k = 0; k < nonzero.size(); ++k) X(nonzero[k], static_cast<Eigen::Index>(k)) = 1;
     std::vector<int> reached;
     base_->panels().forward_sparse(X, nonzero, reached);
     const MatX X_r = X(reached, Eigen::all);
-    MatX C = X_r.transpose() * X_r;
-    auto corner = X.bottomRows(X.rows() - rest);
+    MatX C_uu = X_r.transpose() * X_r;
+    auto corner = X.bottomRows(X.rows() - base_->panels().rest_dofs());
     if (!carried_.empty()) {
       carried_.before_corner(X, g_, corner);
-      carried_.add_energy(g_, C);
+      carried_.add_energy(g_, C_uu);
     }
     L_.triangularView<Eigen::Lower>().solveInPlace(corner);
-    C.noalias() += corner.transpose() * corner;
-    block = C;
+    C_uu.noalias() += corner.transpose() * corner;
+    L_.triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
+    for (std::size_t u = 0; u < outside.size(); ++u) {
+      const int at = 3 * outside[u];
+      for (std::size_t w = 0; w < outside.size(); ++w)
+        block.block<3, 3>(3 * outside[w], at) = C_uu.block<3, 3>(3 * w, 3 * u);
+      for (std::size_t c = 0; c < nodes.size(); ++c) {
+        if (places_[c] < 0) continue;
+        const Mat3 entry = corner.block<3, 3>(3 * places_[c], 3 * u);
+        block.block<3, 3>(3 * c, at) = entry;
+        block.block<3, 3>(at, 3 * c) = entry.transpose();
+      }
+    }
   }
 
   // Whether the last sample still speaks for this state: nothing turned or was carried since.
   bool sample_holds() const {
+    if (half_sample_) return false;
     if (fresh_sample_) return true;
     if (Q_at_sample_.size() != Q_.size() || removed_at_sample_ != gone_count_) return false;
     const double still = 0.1 * options_.good_error;
@@ -332,9 +362,10 @@ class ZoneCompliance final : public Compliance {
   PatchInverse patch_inverse_;
   bool updated_ = false;
 
-  long updates_ = 0;
+  int since_sample_ = std::numeric_limits<int>::max() / 2;  // updates
   bool due_ = false;
   bool fresh_sample_ = false;
+  std::optional<ResidualSample> half_sample_;
   SampledError sampled_;
   std::vector<Mat3> Q_at_sample_;
   int removed_at_sample_ = 0;

@@ -10,11 +10,11 @@ namespace {
 constexpr double sleeping_speed = 1e-5;  // [m/s]
 constexpr double zone_keep = 1.15;       // in alarm distances: every node this near must be in the zone
 constexpr double zone_reach = 1.6;       // … and a new zone reaches this far
-constexpr std::size_t max_zone_nodes = 160;
-constexpr double longest_lead = 0.3;     // [s] a base in the making looks ahead by no more
-constexpr int rest_between_bases = 2;    // steps
-constexpr double contact_margin = 0.25;     // in alarm distances: rows for gaps below it, renewed in each solve
-constexpr double usable_residual = 1e-3;    // a worse contact solve moves nothing; the next step repairs
+constexpr std::size_t max_zone_nodes = 200;
+constexpr double longest_lead = 0.3;      // [s] a base in the making looks ahead by no more
+constexpr int rest_between_bases = 2;     // steps
+constexpr double contact_margin = 0.25;   // in alarm distances: rows for gaps below it, renewed in each solve
+constexpr double usable_residual = 1e-3;  // a worse contact solve moves nothing; the next step repairs
 
 bool at_rest(const Body& body) {
   return std::all_of(body.state.v.begin(), body.state.v.end(),
@@ -34,6 +34,10 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
       gatherer_(settings.sample_spacing),
       scratch_(std::make_unique<ContactScratch>()) {
   rebases_ = settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
+  if (rebases_) {
+    last_problem_ = std::make_unique<CondensedProblem>();
+    last_scratch_ = std::make_unique<ContactScratch>();
+  }
   for (BodySettings& b : bodies)
     bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
                          settings.compliance_options);
@@ -66,6 +70,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
       compute_free_motion(body, settings_.h);
     }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  if (rebases_) *last_problem_ = problem;
   report_compliance(report);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     if (bodies_[b].deformable)
@@ -149,30 +154,52 @@ void World::wake(const InstrumentSample& sample) {
 
 void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) {
   Body& body = bodies_[b];
-  // A base made elsewhere is used from when it is adopted until the next is: the zone reaches ahead to where
-  // the instrument will be by then, and by an edge farther, for the corners of faces that only just come near.
-  const double lead =
-      rebases_ ? std::min(longest_lead, (2 * body.last_base_steps + rest_between_bases) * settings_.h) : 0;
-  const double reach_of_zone = zone_reach * settings_.alarm_distance + (rebases_ ? body.edge : 0);
-  Pose ahead = X;
-  ahead.p += lead * velocity_;
-  std::vector<std::pair<double, int>> reach;
-  std::vector<std::uint8_t> must_be_in(body.state.x.size(), 0);
-  for (int n = 0; n < body.model.node_count(); ++n) {
-    double gap = gap_at(*instrument_, X, body.state.x[n]).distance;
-    must_be_in[n] = gap < zone_keep * settings_.alarm_distance;
-    if (lead > 0) gap = std::min(gap, gap_at(*instrument_, ahead, body.state.x[n]).distance);
-    if (gap < reach_of_zone) reach.emplace_back(gap, n);
+  // A base made elsewhere comes into use when it is adopted, and until the next is: its zone is where the
+  // instrument will be between then, and it is asked for as long before the present one ends. It reaches an
+  // edge farther, for the corners of faces that only just come near.
+  const auto pose_in = [&](int steps) {
+    Pose there = X;
+    if (rebases_) there.p += std::min(longest_lead, steps * settings_.h) * velocity_;
+    return there;
+  };
+  const Pose adopted = pose_in(body.last_base_steps);
+  const Pose replaced = pose_in(2 * body.last_base_steps + rest_between_bases);
+  const double reach = zone_reach * settings_.alarm_distance + (rebases_ ? body.edge : 0);
+  const double near = zone_keep * settings_.alarm_distance;
+
+  const std::size_t nodes = body.state.x.size();
+  std::vector<double> gap(nodes);  // at `adopted`
+  for (std::size_t n = 0; n < nodes; ++n) gap[n] = gap_at(*instrument_, adopted, body.state.x[n]).distance;
+  // Whether the gap at another pose, which is only moved, is below a bound: a gap changes by no more than
+  // that.
+  const auto is_below = [&](double bound, const Pose& pose, int n) {
+    return gap[n] < bound + (pose.p - adopted.p).norm() &&
+           gap_at(*instrument_, pose, body.state.x[n]).distance < bound;
+  };
+  std::vector<std::uint8_t> on_surface(nodes, 0), must_be_in(nodes, 0);
+  for (const SurfaceFace& face : body.surface.faces()) {
+    for (const int n : face.nodes) on_surface[n] = 1;
+    if (std::any_of(face.nodes.begin(), face.nodes.end(),
+                    [&](int n) { return gap[n] < near || (rebases_ && is_below(near, X, n)); }))
+      for (const int n : face.nodes) must_be_in[n] = 1;
   }
-  std::sort(reach.begin(), reach.end());
-  if (reach.size() > max_zone_nodes) reach.resize(max_zone_nodes);
+  std::vector<std::pair<double, int>> wanted;
+  for (int n = 0; n < body.model.node_count(); ++n) {
+    double least = gap[n];
+    if (rebases_ && is_below(std::min(reach, least), replaced, n))
+      least = gap_at(*instrument_, replaced, body.state.x[n]).distance;
+    // Of nodes alike near, those of the surface come first: they are what patches are made of.
+    if (least < reach) wanted.emplace_back(least + (on_surface[n] ? 0 : body.edge), n);
+  }
+  std::sort(wanted.begin(), wanted.end());
+  if (wanted.size() > max_zone_nodes) wanted.resize(max_zone_nodes);
 
   // Nearest first: the patch of the nodes named first is the cheapest.
   std::vector<int> zone(patch_nodes.begin(), patch_nodes.end());
-  std::vector<std::uint8_t> inside(body.state.x.size(), 0);
+  std::vector<std::uint8_t> inside(nodes, 0);
   for (int n : zone) inside[n] = 1;
   std::vector<int> must(zone);
-  for (const auto& [gap, n] : reach) {
+  for (const auto& [distance, n] : wanted) {
     if (!inside[n]) zone.push_back(n);
     inside[n] = 1;
     if (must_be_in[n]) must.push_back(n);
@@ -229,8 +256,8 @@ void World::compliance_of_patch(const Pose& X, CondensedProblem& problem, StepRe
     if (of_body.empty()) continue;
     Body& body = bodies_[b];
     if (!body.compliance->zone_covers(of_body)) {
-      // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
-      // a base there and meanwhile pay for a half solve per node.
+      // The instrument outran the zone within one step: factor again with the zone where it is now, or ask
+      // for a base there and meanwhile pay for a half solve per node.
       update_zone(static_cast<int>(b), X, of_body);
       if (body.compliance->zone_covers(of_body))
         body.compliance->update(body.state);
@@ -256,20 +283,37 @@ void World::report_compliance(StepReport& report) {
   }
 }
 
+ContactOptions World::contact_options() const {
+  ContactOptions options;
+  options.linearisations = 3;
+  options.margin = settings_.contact == Renewal::frozen ? 0 : contact_margin * settings_.alarm_distance;
+  return options;
+}
+
+Vec3 World::force_of_last_problem(const InstrumentSample& sample) {
+  ContactState state = contact_state_;
+  state.frozen_step = 0;  // the rows of that step are in the other scratch
+  return solve_contact(*last_problem_, *instrument_, sample.pose, settings_.h, contact_options(), state,
+                       *last_scratch_)
+      .wrench.head<3>();
+}
+
 void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   if (sample.present) {
-    ContactOptions options;
-    options.linearisations = 3;
-    options.margin = settings_.contact == Renewal::frozen ? 0 : contact_margin * settings_.alarm_distance;
-    report.contact =
-        solve_contact(problem, *instrument_, sample.pose, settings_.h, options, contact_state_, *scratch_);
+    const bool compares =
+        last_problem_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
+    const Vec3 before = compares ? force_of_last_problem(sample) : Vec3::Zero();
+    report.contact = solve_contact(problem, *instrument_, sample.pose, settings_.h, contact_options(),
+                                   contact_state_, *scratch_);
+    if (compares) report.handover_jump = (report.contact.wrench.head<3>() - before).norm();
   } else {
     contact_state_ = ContactState{};
     scratch_->rows.contacts = 0;
   }
 
   const ContactRows& rows = scratch_->rows;
-  const bool usable = report.contact.status == SolveStatus::solved || report.contact.residual < usable_residual;
+  const bool usable =
+      report.contact.status == SolveStatus::solved || report.contact.residual < usable_residual;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;

@@ -67,6 +67,9 @@ struct StepReport {
   int bases_adopted = 0;   // since the step before
   int uncovered_nodes = 0; // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
+  // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing one
+  // over for the other does to the force. Of methods that keep bases, in steps with a new base or a removal.
+  double handover_jump = 0;
   std::vector<BodyReport> compliance;  // of awake bodies
 };
 
@@ -97,6 +100,8 @@ class World {
   void gather(const InstrumentSample& sample, CondensedProblem& problem);
   void compliance_of_patch(const Pose& X, CondensedProblem& problem, StepReport& report);
   void report_compliance(StepReport& report);
+  ContactOptions contact_options() const;
+  Vec3 force_of_last_problem(const InstrumentSample& sample);
   void solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
 
   WorldSettings settings_;
@@ -105,6 +110,8 @@ class World {
   Collision collision_;
   PatchGatherer gatherer_;
   ContactState contact_state_;
+  std::unique_ptr<CondensedProblem> last_problem_;  // only of methods that keep bases
+  std::unique_ptr<ContactScratch> last_scratch_;
   std::unique_ptr<ContactScratch> scratch_;
   std::vector<NearFace> near_;
   MatX block_;

@@ -73,11 +73,18 @@ TissueState rest_state(const TissueModel& model) {
 }
 
 void update_rotations(const TissueModel& model, TissueState& state) noexcept {
+  std::array<Mat3, rotation_lanes> F;
+  std::array<Mat3*, rotation_lanes> R;
+  int filled = 0;
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
-    const Mat3 F = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
-    state.rotation[t] = nearest_rotation(F, state.rotation[t]);
+    F[filled] = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
+    R[filled] = &state.rotation[t];
+    if (++filled < rotation_lanes) continue;
+    nearest_rotations(F, R);
+    filled = 0;
   }
+  for (int l = 0; l < filled; ++l) *R[l] = nearest_rotation(F[l], *R[l]);
 }
 
 void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept {

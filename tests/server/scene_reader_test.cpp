@@ -222,8 +222,16 @@ TEST_F(SceneFile, MillimetresAndAxes) {
                "instrument.primitives[1].length", "beside from", 26);
 }
 
+TEST_F(SceneFile, ComplianceIsOneOfTheDaemonsMethods) {
+  EXPECT_EQ(read(good_scene).compliance, ComplianceMethod::exact);
+  const Scene scene = read(with(good_scene, "  rate: 50\n", "  rate: 50\n  compliance: zone\n"));
+  EXPECT_EQ(scene.compliance, ComplianceMethod::zone);
+  EXPECT_NE(describe(scene).find("compliance zone"), std::string::npos);
+  expect_fault("rate: 50", "rate: 50\n  compliance: dense", "simulation.compliance", "exact");
+}
+
 TEST(ShippedScenes, AreReadAndFitTheirDevice) {
-  for (const char* name : {"cataract/cataract.yaml", "cube/cube.yaml"}) {
+  for (const char* name : {"cataract/cataract.yaml", "cube/cube.yaml", "lens_large/lens_5k.yaml"}) {
     SCOPED_TRACE(name);
     const Scene scene = read_scene(scenes / name);
     EXPECT_LE(felt_stiffness(scene), 1.001 * scene.device_stiffness);

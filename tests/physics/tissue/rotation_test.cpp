@@ -41,6 +41,42 @@ TEST(NearestRotation, RecoversTheRotationOfAStretchedElement) {
   }
 }
 
+// Any lane may be inverted, flat, or not a number: the others do not feel it.
+TEST(NearestRotation, SideBySideAsOneByOne) {
+  std::mt19937 random(7);
+  std::uniform_int_distribution<int> kind(0, 9);
+  for (int trial = 0; trial < 3000; ++trial) {
+    std::array<Mat3, rotation_lanes> F, start, result;
+    std::array<Mat3*, rotation_lanes> R;
+    for (int l = 0; l < rotation_lanes; ++l) {
+      const Mat3 turn = random_rotation(random);
+      start[l] = turn;
+      switch (kind(random)) {
+        case 0:
+          F[l] = random_matrix(random, 1.0);
+          break;  // often inverted
+        case 1:
+          F[l] = turn * Vec3(1, 1, 0).asDiagonal();
+          break;  // flat
+        case 2:
+          F[l] = Mat3::Constant(std::numeric_limits<double>::quiet_NaN());
+          break;
+        case 3:
+          F[l].setZero();
+          break;
+        default:
+          F[l] = turn * (Mat3::Identity() + random_matrix(random, 0.2));
+          break;  // as in a step
+      }
+      result[l] = start[l];
+      R[l] = &result[l];
+    }
+    nearest_rotations(F, R);
+    for (int l = 0; l < rotation_lanes; ++l)
+      ASSERT_LT((result[l] - nearest_rotation(F[l], start[l])).norm(), 1e-10) << F[l];
+  }
+}
+
 TEST(NearestRotation, AgreesWithSvdFromAnyStartInvertedOrNot) {
   std::mt19937 random(2);
   int inverted = 0;
