@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "physics/tissue/tissue.h"
@@ -28,36 +29,41 @@ enum class ComplianceMethod : std::uint8_t { exact, zone, lazy, updown, dense };
 
 enum class NodeOrder : std::uint8_t { zone_last, metis };
 
+// How the base is turned with the tissue: not; each node by its own turn, as the paper; all nodes of a
+// connected piece by the piece's mean turn (node_turn.h: what each is good for).
+enum class Warping : std::uint8_t { none, node, piece };
+
 struct ComplianceOptions {
-  double good_error = 1e-6;       // sampled error above it: not `good`
-  double rebase_error = 0.03;     // … above it: a base is wanted
-  double usable_error = 0.1;      // … above it: degraded
-  double rebase_rotation = 0.5;   // largest rotation of a zone node since the base that is left alone [rad]
-  int rebase_age = 1000;          // updates since the base that are left alone
-  int rebase_removed = 64;        // removals carried over as low-rank terms that are left alone
-  int most_carried = 256;         // zone: more of them are not carried, but wait for the next base
-  bool base_on_the_spot = true;   // zone: which `update` then makes itself, late; false: somebody else does
-  int sample_every = 1;           // updates between two samples of the error
-  bool warp = true;               // turn the base with the nodes
-  bool rounded_base = false;      // zone: solve with a rounded copy of the base factor (rest_panels.h)
+  double good_error = 1e-6;        // sampled error above it: not `good`
+  double rebase_error = 0.03;      // … above it: a base is wanted
+  double usable_error = 0.1;       // … above it: degraded
+  double rebase_rotation = 0.5;    // largest `rotation_since_base` that is left alone
+  int rebase_age = 1000;           // updates since the base that are left alone
+  int rebase_removed = 64;         // removals carried over as low-rank terms that are left alone
+  int most_carried = 256;          // zone: more of them are not carried, but wait for the next base
+  bool base_on_the_spot = true;    // zone: which `update` then makes itself, late; false: somebody else does
+  int sample_every = 1;            // updates between two samples of the error
+  std::optional<Warping> warping;  // default: zone by piece; lazy, updown and dense by node, as the paper
+  bool rounded_base = false;       // zone: solve with a rounded copy of the base factor (rest_panels.h)
   NodeOrder updown_order = NodeOrder::zone_last;
-  int lazy_rebase_after = 0;      // lazy: removals after which `update` makes a new base; 0: never, as the paper
+  int lazy_rebase_after = 0;  // lazy: removals after which `update` makes a new base; 0: never, as the paper
 };
 
-// good: the sampled error is below `good_error`, and nothing has moved since the sample. rebase_wanted: usable,
-// and not proven better. degraded: the error is above `usable_error`, or the base failed.
+// good: the sampled error is below `good_error`, and nothing has moved since the sample. rebase_wanted:
+// usable, and not proven better. degraded: the error is above `usable_error`, or the base failed.
 enum class ComplianceHealth : std::uint8_t { good, rebase_wanted, degraded };
 
 // Of the last update.
 struct ComplianceReport {
   ComplianceHealth health = ComplianceHealth::good;
-  bool wants_base = false;         // not good, or a new base is due by rotation, age or what is carried
-  double residual = 0;             // ‖A y − b‖/‖b‖ of one sampled solve y = C b, against the true A(u)
-  double error = 0;                // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
+  bool wants_base = false;  // not good, or a new base is due by rotation, age or what is carried
+  double residual = 0;      // ‖A y − b‖/‖b‖ of one sampled solve y = C b, against the true A(u)
+  double error = 0;         // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
   int removed_since_base = 0;
-  int base_age = 0;                // updates since the base was made
-  double rotation_since_base = 0;  // largest in the zone [rad]
-  std::size_t memory_bytes = 0;    // of factor, inverse and terms
+  int base_age = 0;  // updates since the base was made
+  double rotation_since_base =
+      0;  // largest of a node in the zone, beyond its piece's own where that is undone [rad]
+  std::size_t memory_bytes = 0;  // of factor, inverse and terms
 };
 
 // A base under way: `make` is the expensive part. It may run on any one thread and touches nothing of the

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/tissue/fragments.h"
 #include "physics/tissue/rotation.h"
 
 namespace hapticd {
@@ -91,7 +92,44 @@ Mat3 NodeTurn::operator()(int node, const TissueState& state) const noexcept {
   return nearest_rotation(sum, Mat3::Identity());  // of nothing: the identity
 }
 
-void NodeTurn::all(const TissueState& state, std::vector<Mat3>& Q) const {
+void NodeTurn::all(Warping warping, const TissueState& state, std::vector<Mat3>& Q) {
+  switch (warping) {
+    case Warping::none:
+      Q.assign(model_.node_count(), Mat3::Identity());
+      break;
+    case Warping::node:
+      by_node(state, Q);
+      break;
+    case Warping::piece:
+      by_piece(state, Q);
+      break;
+  }
+}
+
+void NodeTurn::by_piece(const TissueState& state, std::vector<Mat3>& Q) {
+  if (removed_ != state.removed) {
+    removed_ = state.removed;
+    piece_of_tet_ = label_fragments(model_, state);
+    piece_of_node_.assign(model_.node_count(), -1);
+    int pieces = 0;
+    for (int t = 0; t < model_.tet_count(); ++t) {
+      if (piece_of_tet_[t] < 0) continue;
+      pieces = std::max(pieces, piece_of_tet_[t] + 1);
+      for (const int n : model_.mesh.tets[t]) piece_of_node_[n] = piece_of_tet_[t];
+    }
+    sum_.resize(pieces);
+  }
+  std::fill(sum_.begin(), sum_.end(), Mat3::Zero());
+  for (int t = 0; t < model_.tet_count(); ++t)
+    if (piece_of_tet_[t] >= 0)
+      sum_[piece_of_tet_[t]].noalias() += (model_.volume[t] * state.rotation[t]) * base_[t].transpose();
+  for (Mat3& sum : sum_) sum = nearest_rotation(sum, Mat3::Identity());
+  Q.resize(model_.node_count());
+  for (int n = 0; n < model_.node_count(); ++n)
+    Q[n] = piece_of_node_[n] >= 0 ? sum_[piece_of_node_[n]] : Mat3::Identity();
+}
+
+void NodeTurn::by_node(const TissueState& state, std::vector<Mat3>& Q) const {
   const int nodes = model_.node_count();
   Q.assign((nodes + lanes - 1) / lanes * lanes, Mat3::Zero());
   for (int t = 0; t < model_.tet_count(); ++t) {

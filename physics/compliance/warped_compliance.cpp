@@ -250,12 +250,15 @@ class WarpedCompliance final : public Compliance {
 
   bool in_system(int node) const { return !model_.fixed[node] && present_.live_tets_of_node[node] > 0; }
 
-  Mat3 turn_of(int node) const { return options_.warp ? turn_(node, present_) : Mat3::Identity(); }
-
-  void find_turns() {
-    turns_.resize(model_.node_count());
-    for (int n = 0; n < model_.node_count(); ++n) turns_[n] = turn_of(n);
+  // By node, a patch needs few turns of many; of a piece, all tetrahedra.
+  Mat3 turn_of(int node) {
+    const Warping warping = options_.warping.value_or(Warping::node);
+    if (warping == Warping::node && turns_.empty()) return turn_(node, present_);
+    if (turns_.empty()) find_turns();
+    return turns_[node];
   }
+
+  void find_turns() { turn_.all(options_.warping.value_or(Warping::node), present_, turns_); }
 
   ComplianceMethod method_;
   const TissueModel& model_;

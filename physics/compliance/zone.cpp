@@ -145,8 +145,7 @@ class ZoneCompliance final : public Compliance {
   ComplianceReport report() override {
     require_update();
     ComplianceReport report;
-    for (const int n : base_->zone())
-      if (in_system_[n]) report.rotation_since_base = std::max(report.rotation_since_base, angle_of(Q_[n]));
+    report.rotation_since_base = largest_turn_;
     if (half_sample_ && !due_) {
       sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
     } else if (due_ && !fresh_sample_) {
@@ -262,7 +261,14 @@ class ZoneCompliance final : public Compliance {
   void follow(const TissueState& state) {
     for (int n = 0; n < model_.node_count(); ++n)
       in_system_[n] = !model_.fixed[n] && state.live_tets_of_node[n] > 0;
-    if (options_.warp) turn_.all(state, Q_);
+    const Warping warping = options_.warping.value_or(Warping::piece);
+    turn_.all(warping, state, Q_);
+    largest_turn_ = 0;
+    for (const int n : base_->zone())
+      if (in_system_[n])
+        largest_turn_ =
+            std::max(largest_turn_, warping == Warping::node ? angle_of(Q_[n])
+                                                             : angle_of(turn_(n, state) * Q_[n].transpose()));
   }
 
   bool factor_corner(const TissueState& state) {
@@ -354,6 +360,7 @@ class ZoneCompliance final : public Compliance {
   int base_age_ = 0;
 
   std::vector<Mat3> Q_;
+  double largest_turn_ = 0;
   std::vector<std::uint8_t> in_system_;
   MatX L_;  // of the fresh corner
   VecX x_;
