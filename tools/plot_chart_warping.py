@@ -18,6 +18,7 @@ STYLES = {
     ("lazy", "node"): dict(color=INK, lw=1.3, ls=(0, (5, 2)), label="lazy, warped by node: the paper"),
     ("lazy", "piece"): dict(color=INK, lw=1.8, label="lazy, warped by piece"),
 }
+FLOOR = 1e-3
 AXES = {"indentation": "depth at the pole [mm]", "bending": "arc, edge to edge [degrees]",
         "cantilever": "arc, edge to edge [degrees]", "turning": "rigid turn [degrees]"}
 
@@ -30,8 +31,13 @@ def draw(data, path):
     for axes, (shape, label) in zip(grid, AXES.items()):
         for (method, warping), line in STYLES.items():
             own = [p for p in points if (p["shape"], p["method"], p["warping"]) == (shape, method, warping)]
-            axes.plot([p["amount"] for p in own], [max(p["w_rel_error"], 1e-16) for p in own], marker="o", ms=3, **line)
+            axes.plot([p["amount"] for p in own], [max(p["w_rel_error"], FLOOR) for p in own], marker="o", ms=3, **line)
         axes.set_yscale("log")
+        axes.set_ylim(FLOOR, 1.3)
+        smallest = [p["w_rel_error"] for p in points if p["shape"] == shape and p["w_rel_error"] < FLOOR]
+        if smallest:
+            axes.annotate(f"warped, either way: below {max(smallest):.0e}", (0.04, 0.035), xycoords="axes fraction",
+                          fontsize=9)
         axes.set_title(shape, loc="left", fontsize=10.5)
         axes.set_xlabel(label)
     grid[0].set_ylabel("error of $C_{pp}$ [relative]")
