@@ -68,7 +68,7 @@ struct ChartSettings {
   int zone_nodes = 160;
   int patch_nodes = 60;
   int timed_per_point = 200;      // updates and patches timed, at most …
-  double seconds_per_point = 15;  // … and for no longer (never fewer than two)
+  double seconds_per_point = 6;   // … and for no longer (never fewer than two)
   int error_columns = 36;         // of the patch, for the error
 };
 
