@@ -29,7 +29,8 @@ class CarriedTerms {
   bool empty() const noexcept { return terms_.empty(); }
 
   // `places`: of the term's corners in the order. False, and nothing is changed, when D is not definite.
-  bool change(RestPanels& panels, const ElementTerm& term, std::span<const int> places, Sign sign, MatX& S_out);
+  bool change(RestPanels& panels, const ElementTerm& term, std::span<const int> places, Sign sign,
+              MatX& S_out);
 
   // Between the halves, for each column of X: λ before the corner's solve, and after it.
   void before_corner(const Eigen::Ref<const MatX>& X, MatX& g, Eigen::Ref<MatX> corner) const;
@@ -43,19 +44,19 @@ class CarriedTerms {
 
  private:
   struct Term {
-    int first = 0;           // of its λ
-    std::vector<int> row;    // rest rows where Y may be nonzero
-    MatX Y;                  // |row| × rank
-    MatX v;                  // corner × rank
-    MatX W;                  // first × rank: D_i⁻¹ t_ij of the earlier terms, stacked
-    double sign = 1;         // of D
-    Eigen::LLT<MatX> D;      // of sign · D
+    int first = 0;         // of its λ
+    std::vector<int> row;  // rest rows where Y may be nonzero
+    MatX Y;                // |row| × rank
+    MatX v;                // corner × rank
+    MatX W;                // first × rank: D_i⁻¹ t_ij of the earlier terms, stacked
+    double sign = 1;       // of D
+    Eigen::LLT<MatX> D;    // of sign · D
   };
   static MatX solved(const Term& term, const MatX& b) { return term.sign * term.D.solve(b); }
 
   std::vector<Term> terms_;
   int columns_ = 0;
-  MatX X_;                   // scratch, zero between calls
+  MatX X_;  // scratch, zero between calls
 };
 
 }  // namespace hapticd

@@ -45,7 +45,8 @@ void CholmodFactor::free_all() noexcept {
   cholmod_free_dense(&work_, &common_);
 }
 
-void CholmodFactor::set_order(const SystemMatrix& matrix, std::span<const int> order) {
+void CholmodFactor::set_order(const SystemMatrix& matrix, std::span<const int> order,
+                              std::span<const std::uint8_t> live_edges) {
   const int nodes = matrix.node_count();
   place_.resize(nodes);
   for (int k = 0; k < nodes; ++k) place_[order[k]] = k;
@@ -58,6 +59,7 @@ void CholmodFactor::set_order(const SystemMatrix& matrix, std::span<const int> o
   const auto& edges = matrix.edges();
   std::vector<std::vector<Below>> below(nodes);
   for (int e = 0; e < static_cast<int>(edges.size()); ++e) {
+    if (!live_edges.empty() && !live_edges[e]) continue;
     const int i = place_[edges[e].i];
     const int j = place_[edges[e].j];
     below[std::min(i, j)].push_back({std::max(i, j), e});
@@ -70,7 +72,7 @@ void CholmodFactor::set_order(const SystemMatrix& matrix, std::span<const int> o
   if (!A_) throw std::runtime_error("CHOLMOD could not allocate the system matrix");
   int* start = static_cast<int*>(A_->p);
   int* row = static_cast<int*>(A_->i);
-  target_.resize(edges.size());
+  target_.assign(edges.size(), Target{});
   int next = 0;
   for (int k = 0; k < nodes; ++k) {
     std::sort(below[k].begin(), below[k].end(),
@@ -106,13 +108,15 @@ void CholmodFactor::factor(const SystemMatrix& matrix) {
   for (std::size_t e = 0; e < target_.size(); ++e) {
     const Mat3& block = matrix.coupling()[e];
     const Target& target = target_[e];
+    if (target.column[0] < 0) continue;
     for (int c = 0; c < 3; ++c)
       for (int r = 0; r < 3; ++r) value[target.column[c] + r] = target.transposed ? block(c, r) : block(r, c);
   }
   const bool done = cholmod_factorize(A_, L_, &common_) && common_.status == CHOLMOD_OK && L_->minor == L_->n;
   if (!done || !(cholmod_rcond(L_, &common_) > 1e-15))
-    throw std::runtime_error("the system matrix A is not positive definite: a body (or a part cut from it) "
-                             "has neither mass nor support");
+    throw std::runtime_error(
+        "the system matrix A is not positive definite: a body (or a part cut from it) "
+        "has neither mass nor support");
 }
 
 void CholmodFactor::solve() {

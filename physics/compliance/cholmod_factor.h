@@ -30,8 +30,10 @@ class CholmodFactor {
   CholmodFactor(const CholmodFactor&) = delete;
   CholmodFactor& operator=(const CholmodFactor&) = delete;
 
-  // Symbolic analysis of the matrix's pattern with this elimination order.
-  void set_order(const SystemMatrix& matrix, std::span<const int> order);
+  // Symbolic analysis of the matrix's pattern with this elimination order. `live_edges`: which edges may have
+  // values from now on (SystemMatrix::live_edges), so that tissue that is gone costs nothing; empty: all.
+  void set_order(const SystemMatrix& matrix, std::span<const int> order,
+                 std::span<const std::uint8_t> live_edges = {});
 
   // Numeric factorisation of the matrix as it is assembled now.
   void factor(const SystemMatrix& matrix);
@@ -54,8 +56,8 @@ class CholmodFactor {
 
   // Where a coupling block goes: its three columns' first entries, and whether it is stored transposed.
   struct Target {
-    std::array<int, 3> column;
-    bool transposed;
+    std::array<int, 3> column = {-1, -1, -1};  // of the edge's values; -1: not in the pattern
+    bool transposed = false;
   };
 
   cholmod_common common_;

@@ -10,11 +10,14 @@ std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const Tissu
                                             const ComplianceOptions& options) {
   if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
   switch (method) {
-    case ComplianceMethod::exact: return make_exact_compliance(model, h, options);
-    case ComplianceMethod::zone: return make_zone_compliance(model, h, options);
+    case ComplianceMethod::exact:
+      return make_exact_compliance(model, h, options);
+    case ComplianceMethod::zone:
+      return make_zone_compliance(model, h, options);
     case ComplianceMethod::lazy:
     case ComplianceMethod::updown:
-    case ComplianceMethod::dense: return make_warped_compliance(method, model, h, options);
+    case ComplianceMethod::dense:
+      return make_warped_compliance(method, model, h, options);
   }
   throw std::invalid_argument("this compliance method is not known");
 }

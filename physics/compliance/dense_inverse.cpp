@@ -1,4 +1,5 @@
-// A dense inverse and its full Woodbury update: the oracle for small bodies, and what the paper sets out from.
+// A dense inverse and its full Woodbury update: the oracle for small bodies, and what the paper sets out
+// from.
 //
 //   C ← C ± U N⁻¹ Uᵀ,   U = C V,   N = I ∓ Vᵀ U
 //
@@ -20,16 +21,17 @@ class DenseInverse final : public LowRankInverse {
   explicit DenseInverse(const SystemMatrix& A) {
     const int nodes = A.node_count();
     if (nodes > most_nodes)
-      throw std::invalid_argument("a dense inverse of " + std::to_string(nodes) + " nodes is refused: " +
-                                  std::to_string(most_nodes) + " are the most");
+      throw std::invalid_argument("a dense inverse of " + std::to_string(nodes) +
+                                  " nodes is refused: " + std::to_string(most_nodes) + " are the most");
     MatX dense = MatX::Zero(3 * nodes, 3 * nodes);
     for (int n = 0; n < nodes; ++n) dense.block<3, 3>(3 * n, 3 * n) = A.diagonal()[n];
     for (std::size_t e = 0; e < A.edges().size(); ++e)
       dense.block<3, 3>(3 * A.edges()[e].j, 3 * A.edges()[e].i) = A.coupling()[e].transpose();
     const Eigen::LLT<Eigen::Ref<MatX>> factor(dense);
     if (factor.info() != Eigen::Success)
-      throw std::runtime_error("the system matrix A is not positive definite: a body (or a part cut from it) "
-                               "has neither mass nor support");
+      throw std::runtime_error(
+          "the system matrix A is not positive definite: a body (or a part cut from it) "
+          "has neither mass nor support");
     C_ = MatX::Identity(3 * nodes, 3 * nodes);
     factor.matrixL().solveInPlace(C_);
     factor.matrixU().solveInPlace(C_);

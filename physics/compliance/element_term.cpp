@@ -32,7 +32,8 @@ ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3
                          const Tet& corners) noexcept {
   const Material& material = model.material;
   const double stiffness = 1 + material.rayleigh_stiffness / h;
-  const double mass = (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * material.density * model.volume[tet];
+  const double mass =
+      (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * material.density * model.volume[tet];
   const Gradients rotated = rotation * model.gradients[tet];
   const Tet& nodes = model.mesh.tets[tet];
   Gradients b;

@@ -47,7 +47,8 @@ class ExactCompliance final : public Compliance {
 
   void update(const TissueState& state) override {
     if (!order_is_current_) {
-      factor_.set_order(matrix_, zone_last_order(graph_, fill_order_, zone_));
+      const std::vector<std::uint8_t> live = matrix_.live_edges(state);
+      factor_.set_order(matrix_, zone_last_order(matrix_.graph_of(live), fill_order_, zone_), live);
       order_is_current_ = true;
     }
     factored_ = corner_is_current_ = false;

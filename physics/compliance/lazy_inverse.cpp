@@ -1,7 +1,7 @@
 // The paper's compliance: the base is never updated, each removal leaves a term, entries are made on demand.
 //
-//   C_k(i, j) = C₀(i, j) + Σ_q s_q T_q(i, :) T_q(j, :)ᵀ                                 (the paper's eqs. 6, 7)
-//   T_q = U W Λ^(−1/2),   U = C_q Gₑ V,   I ∓ Vᵀ Gₑᵀ C_q Gₑ V = W Λ Wᵀ                   (its eqs. 4, 5)
+//   C_k(i, j) = C₀(i, j) + Σ_q s_q T_q(i, :) T_q(j, :)ᵀ                                 (the paper's eqs. 6,
+//   7) T_q = U W Λ^(−1/2),   U = C_q Gₑ V,   I ∓ Vᵀ Gₑᵀ C_q Gₑ V = W Λ Wᵀ                   (its eqs. 4, 5)
 //
 // T_q is the paper's L_q Λ_q^(−1/2). Departures: with a_e = V Vᵀ the small matrix is I − VᵀCV instead of
 // Q = S⁻¹ + GᵀCG, so no inverse of a_e is needed and a vanishing Λ shows that the element held the rest.
@@ -121,8 +121,8 @@ class LazyInverse final : public LowRankInverse {
  private:
   struct Term {
     ElementTerm element;
-    double sign;       // of T Tᵀ: + for an element taken out
-    int first_column;  // in T
+    double sign;          // of T Tᵀ: + for an element taken out
+    int first_column;     // in T
     MatX scaled_vectors;  // W Λ^(−1/2)
   };
 
@@ -180,7 +180,8 @@ class LazyInverse final : public LowRankInverse {
     T_.block(3 * before, 0, 3 * fresh, columns_) = T_new;
   }
 
-  // From columns of C₀ (rows of g that are in use) to columns of C_k; `t` receives T_qᵀ of the right-hand side.
+  // From columns of C₀ (rows of g that are in use) to columns of C_k; `t` receives T_qᵀ of the right-hand
+  // side.
   void sweep(MatX& g, MatX* t) const {
     for (const Term& term : terms_) {
       const int rank = term.element.rank;
@@ -198,9 +199,9 @@ class LazyInverse final : public LowRankInverse {
   std::vector<int> slot_;   // per node: its place among those asked for, or −1
   std::vector<int> nodes_;  // per slot
   std::vector<Term> terms_;
-  MatX C0_;                 // of the slots, and room to grow
+  MatX C0_;  // of the slots, and room to grow
   MatX T_;
-  VecX sign_;               // per column of T
+  VecX sign_;  // per column of T
   int columns_ = 0;
 };
 

@@ -1,4 +1,5 @@
-// The inverse of a base matrix that follows low-rank changes of it: what `updown`, `lazy` and `dense` differ in.
+// The inverse of a base matrix that follows low-rank changes of it: what `updown`, `lazy` and `dense` differ
+// in.
 //
 //   A ← A − V Vᵀ (an element goes)   or   A ← A + V Vᵀ (an orphan's row gets the identity)
 //

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "physics/tissue/fragments.h"
 #include "physics/tissue/rotation.h"
@@ -106,9 +107,54 @@ void NodeTurn::all(Warping warping, const TissueState& state, std::vector<Mat3>&
   }
 }
 
+// Whether what went since the pieces were found has cut none of them, as far as the tetrahedra around it
+// tell: where those that are left around a removed one's nodes still join these nodes, any path through it
+// can go round. Then it only leaves its piece. False is no proof of a cut.
+bool NodeTurn::still_whole(const TissueState& state) {
+  if (piece_of_tet_.empty()) return false;
+  for (int t = 0; t < model_.tet_count(); ++t) {
+    if (state.alive[t] || piece_of_tet_[t] < 0) continue;
+    if (!joined_around(model_.mesh.tets[t], state)) return false;
+    piece_of_tet_[t] = -1;
+    for (const int n : model_.mesh.tets[t])
+      if (state.live_tets_of_node[n] == 0) piece_of_node_[n] = -1;
+  }
+  return true;
+}
+
+bool NodeTurn::joined_around(const Tet& tet, const TissueState& state) {
+  // Union–find over the nodes of the live tetrahedra around; `parent_` is the identity between calls.
+  const auto root = [this](int n) {
+    while (parent_[n] != n) n = parent_[n] = parent_[parent_[n]];
+    return n;
+  };
+  if (parent_.empty()) {
+    parent_.resize(model_.node_count());
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
+  const auto around = [&](auto&& use) {
+    for (const int n : tet)
+      for (int k = start_[n]; k < start_[n + 1]; ++k)
+        if (state.alive[tet_[k]]) use(model_.mesh.tets[tet_[k]]);
+  };
+  around([&](const Tet& other) {
+    for (int a = 1; a < 4; ++a) parent_[root(other[a])] = root(other[0]);
+  });
+  int joined = -1;
+  bool one = true;
+  for (const int n : tet) {
+    if (state.live_tets_of_node[n] == 0) continue;
+    if (joined < 0) joined = root(n);
+    one = one && root(n) == joined;
+  }
+  around([&](const Tet& other) {
+    for (const int n : other) parent_[n] = n;
+  });
+  return one;
+}
+
 void NodeTurn::by_piece(const TissueState& state, std::vector<Mat3>& Q) {
-  if (removed_ != state.removed) {
-    removed_ = state.removed;
+  if (removed_ != state.removed && !still_whole(state)) {
     piece_of_tet_ = label_fragments(model_, state);
     piece_of_node_.assign(model_.node_count(), -1);
     int pieces = 0;
@@ -119,6 +165,7 @@ void NodeTurn::by_piece(const TissueState& state, std::vector<Mat3>& Q) {
     }
     sum_.resize(pieces);
   }
+  removed_ = state.removed;
   std::fill(sum_.begin(), sum_.end(), Mat3::Zero());
   for (int t = 0; t < model_.tet_count(); ++t)
     if (piece_of_tet_[t] >= 0)

@@ -28,7 +28,8 @@ class NodeTurn {
   // Q of one node at the state's rotations.
   Mat3 operator()(int node, const TissueState& state) const noexcept;
 
-  // Q of every node, in one pass over the tetrahedra (by piece: a second one after a removal).
+  // Q of every node, in one pass over the tetrahedra (by piece: a second one after a removal that may have
+  // cut).
   void all(Warping warping, const TissueState& state, std::vector<Mat3>& Q);
 
   const std::vector<Mat3>& base() const noexcept { return base_; }
@@ -36,6 +37,8 @@ class NodeTurn {
  private:
   void by_node(const TissueState& state, std::vector<Mat3>& Q) const;
   void by_piece(const TissueState& state, std::vector<Mat3>& Q);
+  bool still_whole(const TissueState& state);
+  bool joined_around(const Tet& tet, const TissueState& state);
 
   const TissueModel& model_;
   std::vector<int> start_;  // nodes + 1
@@ -45,6 +48,7 @@ class NodeTurn {
   std::vector<int> piece_of_node_;  // -1: orphan
   std::vector<Mat3> sum_;           // per piece
   int removed_ = -1;                // at which the pieces were found
+  std::vector<int> parent_;         // scratch, per node
 };
 
 // Angle of a rotation [rad].

@@ -23,7 +23,7 @@ class PatchInverse {
  private:
   std::vector<int> sorted_;  // indices into places, by place
   MatX X_;
-  MatX C_;                   // in sorted order
+  MatX C_;  // in sorted order
 };
 
 }  // namespace hapticd

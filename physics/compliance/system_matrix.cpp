@@ -89,6 +89,35 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
     if (!in_system_[n]) diagonal_[n] = identity_scale_ * Mat3::Identity();
 }
 
+std::vector<std::uint8_t> SystemMatrix::live_edges(const TissueState& state) const {
+  std::vector<std::uint8_t> live(edges_.size(), 0);
+  for (std::size_t t = 0; t < elements_.size(); ++t) {
+    if (!state.alive[t]) continue;
+    for (const int e : elements_[t].edge)
+      if (e >= 0) live[e] = 1;
+  }
+  return live;
+}
+
+NodeGraph SystemMatrix::graph_of(const std::vector<std::uint8_t>& live_edges) const {
+  NodeGraph graph;
+  graph.start.assign(node_count() + 1, 0);
+  for (std::size_t e = 0; e < edges_.size(); ++e) {
+    if (!live_edges[e]) continue;
+    ++graph.start[edges_[e].i + 1];
+    ++graph.start[edges_[e].j + 1];
+  }
+  for (int n = 0; n < node_count(); ++n) graph.start[n + 1] += graph.start[n];
+  graph.neighbour.resize(graph.start.back());
+  std::vector<int> next(graph.start.begin(), graph.start.end() - 1);
+  // Of each node first the lower neighbours, then the higher ones: ascending, as the edges are sorted.
+  for (std::size_t e = 0; e < edges_.size(); ++e)
+    if (live_edges[e]) graph.neighbour[next[edges_[e].j]++] = edges_[e].i;
+  for (std::size_t e = 0; e < edges_.size(); ++e)
+    if (live_edges[e]) graph.neighbour[next[edges_[e].i]++] = edges_[e].j;
+  return graph;
+}
+
 VecX SystemMatrix::multiply(const VecX& x) const {
   VecX y(x.size());
   for (int n = 0; n < node_count(); ++n) y.segment<3>(3 * n) = diagonal_[n] * x.segment<3>(3 * n);
@@ -119,9 +148,10 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
     const Gradients b = state.rotation[t] * model.gradients[t];
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j)
-        add(tet[i], tet[j], stiffness_factor(model.material, h) *
-                                stiffness_block(b.col(i), b.col(j), model.volume[t], model.material.mu(),
-                                                model.material.lambda()));
+        add(tet[i], tet[j],
+            stiffness_factor(model.material, h) * stiffness_block(b.col(i), b.col(j), model.volume[t],
+                                                                  model.material.mu(),
+                                                                  model.material.lambda()));
   }
   for (int n = 0; n < model.node_count(); ++n) {
     if (!in_system(n)) continue;

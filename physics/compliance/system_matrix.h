@@ -31,11 +31,15 @@ class SystemMatrix {
   int node_count() const noexcept { return static_cast<int>(diagonal_.size()); }
   const std::vector<Edge>& edges() const noexcept { return edges_; }
   const std::vector<Mat3>& diagonal() const noexcept { return diagonal_; }
-  const std::vector<Mat3>& coupling() const noexcept { return coupling_; }  // per edge
+  const std::vector<Mat3>& coupling() const noexcept { return coupling_; }   // per edge
   bool in_system(int node) const noexcept { return in_system_[node] != 0; }  // neither fixed nor orphan
   double identity_scale() const noexcept { return identity_scale_; }
 
   VecX multiply(const VecX& x) const;  // A x
+
+  // Per edge, whether a live tetrahedron has it: the others' blocks are zero for ever.
+  std::vector<std::uint8_t> live_edges(const TissueState& state) const;
+  NodeGraph graph_of(const std::vector<std::uint8_t>& live_edges) const;
 
   struct Element {
     Tet node;                 // ascending

@@ -77,7 +77,8 @@ class UpdownInverse final : public LowRankInverse {
     V.sorted = V.packed = 1;
     corner_is_current_ = false;
     if (next == 0) return true;  // all corners fixed
-    if (!cholmod_updown(sign == TermSign::add, &V, L_, &common_) || common_.status != CHOLMOD_OK) return false;
+    if (!cholmod_updown(sign == TermSign::add, &V, L_, &common_) || common_.status != CHOLMOD_OK)
+      return false;
     // Only the pivots on the paths have changed, and the paths of an element's corners are one.
     for (int j = first; j >= 0; j = parent(j))
       if (!(D(j) > 0) || !std::isfinite(D(j))) return false;

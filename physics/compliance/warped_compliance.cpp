@@ -34,9 +34,15 @@ struct WarpedBase final : ComplianceBase {
     matrix.assemble(state);
     identity_scale = matrix.identity_scale();
     switch (method) {
-      case ComplianceMethod::updown: inverse = make_updown_inverse(matrix, order, zone); break;
-      case ComplianceMethod::lazy: inverse = make_lazy_inverse(matrix, order, zone); break;
-      default: inverse = make_dense_inverse(matrix); break;
+      case ComplianceMethod::updown:
+        inverse = make_updown_inverse(matrix, order, zone);
+        break;
+      case ComplianceMethod::lazy:
+        inverse = make_lazy_inverse(matrix, order, zone);
+        break;
+      default:
+        inverse = make_dense_inverse(matrix);
+        break;
     }
   }
 };
@@ -292,8 +298,8 @@ class WarpedCompliance final : public Compliance {
 
 }  // namespace
 
-std::unique_ptr<Compliance> make_warped_compliance(ComplianceMethod method, const TissueModel& model, double h,
-                                                   const ComplianceOptions& options) {
+std::unique_ptr<Compliance> make_warped_compliance(ComplianceMethod method, const TissueModel& model,
+                                                   double h, const ComplianceOptions& options) {
   if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
 #ifdef HAPTICD_OPENBLAS
   openblas_set_num_threads(1);

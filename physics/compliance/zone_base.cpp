@@ -28,13 +28,14 @@ void ZoneBase::make() {
   SystemMatrix matrix = structure_->matrix;
   matrix.assemble(state_);
   identity_scale_ = matrix.identity_scale();
-  const std::vector<int> order = zone_last_order(structure_->graph, structure_->fill_order, zone_);
+  const std::vector<std::uint8_t> live = matrix.live_edges(state_);
+  const std::vector<int> order = zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_);
   place_.resize(order.size());
   for (std::size_t k = 0; k < order.size(); ++k) place_[order[k]] = static_cast<int>(k);
   rest_ = matrix.node_count() - zone_size();
 
   CholmodFactor factor;
-  factor.set_order(matrix, order);
+  factor.set_order(matrix, order, live);
   factor.factor(matrix);
   panels_ = RestPanels(factor.cholmod(), 3 * rest_, rounded_copy_);
   MatX L_zz;

@@ -44,9 +44,9 @@ class ZoneBase final : public ComplianceBase {
   bool made() const noexcept { return made_; }
   const std::vector<int>& zone() const noexcept { return zone_; }
   int zone_size() const noexcept { return static_cast<int>(zone_.size()); }
-  int place(int node) const noexcept { return place_[node]; }                  // in the order
-  int zone_place(int node) const noexcept { return place_[node] - rest_; }     // < 0: not in the zone
-  const TissueState& state() const noexcept { return state_; }                 // without x and v
+  int place(int node) const noexcept { return place_[node]; }               // in the order
+  int zone_place(int node) const noexcept { return place_[node] - rest_; }  // < 0: not in the zone
+  const TissueState& state() const noexcept { return state_; }              // without x and v
   double identity_scale() const noexcept { return identity_scale_; }
 
   // Elements wholly inside, and one flag for each element.

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "physics/compliance/node_turn.h"
 #include "tests/physics/compliance/oracle.h"
 
 namespace hapticd {
@@ -26,7 +27,8 @@ std::unique_ptr<Compliance> zone_method(const TissueModel& model, const std::vec
   return compliance;
 }
 
-void remove(const TissueModel& model, TissueState& state, Compliance& compliance, const std::vector<int>& tets) {
+void remove(const TissueModel& model, TissueState& state, Compliance& compliance,
+            const std::vector<int>& tets) {
   remove_tets(model, state, tets);
   compliance.remove(state, tets);
 }
@@ -288,6 +290,29 @@ TEST(ZoneCompliance, ARigidTurnNeedsNoNewBase) {
   }
 }
 
+// Pieces are followed through removals, mostly without finding them anew: the turns stay those of fresh
+// pieces.
+TEST(NodeTurn, PiecesAreFollowedThroughRemovals) {
+  const TissueModel model = box(4, 1, false);
+  TissueState state = rest_state(model);
+  NodeTurn followed(model);
+  std::vector<int> order(model.tet_count());
+  std::iota(order.begin(), order.end(), 0);
+  std::mt19937 random(21);
+  // Half in layers, which cuts, half at random.
+  std::shuffle(order.begin() + 192, order.end(), random);
+  std::vector<Mat3> Q, expected;
+  for (std::size_t i = 0; i + 7 < order.size(); i += 7) {
+    remove_tets(model, state, std::vector<int>(order.begin() + i, order.begin() + i + 7));
+    for (Mat3& R : state.rotation) R = random_rotation(random);
+    followed.all(Warping::piece, state, Q);
+    NodeTurn fresh(model);
+    fresh.all(Warping::piece, state, expected);
+    for (int n = 0; n < model.node_count(); ++n)
+      ASSERT_LT((Q[n] - expected[n]).norm(), 1e-9) << i << " " << n;
+  }
+}
+
 // Two pieces that turn differently, each by its own mean: exact, where one turn for both is not.
 TEST(ZoneCompliance, EachPieceTurnsByItself) {
   const TissueModel model = box(4, 1, false);
@@ -323,8 +348,8 @@ TEST(ZoneCompliance, ANewBaseAtTheSameStateChangesNothing) {
   EXPECT_LT((after - before).norm(), 1e-12 * before.norm());
 }
 
-// Past what may be carried, removals wait in the stale far field, and the report says so; unless the method may
-// make a base on the spot.
+// Past what may be carried, removals wait in the stale far field, and the report says so; unless the method
+// may make a base on the spot.
 TEST(ZoneCompliance, WhatIsNotCarriedIsReported) {
   const TissueModel model = box(4);
   const std::vector<int> zone = oracle::nearest(model, tip, 30);
