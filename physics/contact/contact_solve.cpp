@@ -43,7 +43,7 @@ void solve_rows(const ContactOptions& options, ContactScratch& scratch, ContactS
     out.residual = r.residual;
   } else {
     const CoulombResult r = solve_coulomb(rows.W(), rows.q(), {scratch.mu.data(), contacts}, lambda,
-                                          scratch.coulomb, options.coulomb);
+                                          scratch.coulomb, scratch.matrix_version, options.coulomb);
     out.status = r.status;
     out.residual = r.residual;
   }

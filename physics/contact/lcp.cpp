@@ -149,9 +149,12 @@ class Pivoting {
     size_ = 0;
     for (int i = 0; i < n_; ++i)
       if (active_[i]) ws_.index[size_++] = i;
+    const int ld = padded(size_);
     for (int j = 0; j < size_; ++j) {
-      double* out = ws_.factor.data() + static_cast<std::ptrdiff_t>(j) * size_;
-      for (int i = j; i < size_; ++i) out[i] = W_(ws_.index[i], ws_.index[j]);
+      double* out = ws_.factor.data() + static_cast<std::ptrdiff_t>(j) * ld;
+      const double* column = W_.data() + static_cast<std::ptrdiff_t>(ws_.index[j]) * W_.outerStride();
+      for (int i = j; i < size_; ++i) out[i] = column[ws_.index[i]];
+      std::fill(out + size_, out + ld, 0.0);
       out[j] = W_(ws_.index[j], ws_.index[j]) + epsilon_ * ws_.diagonal[ws_.index[j]];
     }
     cholesky(ws_.factor.data(), size_, std::max(0.25 * epsilon_, unit_roundoff));

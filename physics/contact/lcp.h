@@ -23,6 +23,8 @@
 #include <span>
 
 #include "physics/contact/condensed_problem.h"
+#include "physics/contact/deadline.h"
+#include "physics/contact/small_factors.h"
 
 namespace hapticd {
 
@@ -36,17 +38,17 @@ struct LcpOptions {
 
 struct LcpResult {
   SolveStatus status = SolveStatus::solved;
-  int pivots = 0;        // changes of the active set
+  int pivots = 0;          // changes of the active set
   bool fell_back = false;  // the descent by single exchanges was needed
   int active = 0;
-  double residual = 0;   // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
+  double residual = 0;  // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
 };
 
 struct LcpWorkspace {
-  std::array<double, std::size_t(max_rows) * max_rows> factor;
-  std::array<int, max_rows> index;      // active rows, ascending: the factor's order
+  std::array<double, std::size_t(padded(max_rows)) * max_rows> factor;  // ld: padded(active)
+  std::array<int, max_rows> index;        // active rows, ascending: the factor's order
   std::array<double, max_rows> diagonal;  // D, floored
-  std::array<double, max_rows> packed;  // a right-hand side in the factor's order
+  std::array<double, max_rows> packed;    // a right-hand side in the factor's order
   std::array<double, max_rows> w;
   std::array<double, max_rows> best;
   std::array<std::uint8_t, max_rows> warm_set;
@@ -58,8 +60,8 @@ struct LcpWorkspace {
 
 // z and active have n entries; active is read as warm start and left as the solution's active set.
 // matrix_version: equal nonzero values promise an unchanged W; 0: W is new.
-LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
-                    Eigen::Ref<VecX> z, std::span<std::uint8_t> active, LcpWorkspace& workspace,
-                    std::uint64_t matrix_version, const LcpOptions& options) noexcept;
+LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q, Eigen::Ref<VecX> z,
+                    std::span<std::uint8_t> active, LcpWorkspace& workspace, std::uint64_t matrix_version,
+                    const LcpOptions& options) noexcept;
 
 }  // namespace hapticd
