@@ -49,6 +49,10 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       haptic_(scene.instrument, scene.device, haptic_options(scene), port_, problems_, instrument_, history_),
       diagnostics_(participant_, scene, haptic_.statistics(), snapshots_, history_, options.record) {
   on_realtime_core_.reset();
+  if (options.capture) {
+    haptic_.capture_into(captures_, options.capture_every);
+    diagnostics_.write_captures(captures_, scene_.instrument, *options.capture);
+  }
   // The first step pays for cold caches and the symbolic factor (150 ms): not on the clock.
   world_->step([] { return InstrumentSample{}; }, problems_.back());
   grants_.push_back(latency_.grant());
@@ -89,6 +93,7 @@ nlohmann::json Daemon::summary() const {
   j["elements_removed"] = s.removed.load();
   j["fragments_aspirated"] = s.aspirated.load();
   j["recording_dropped"] = history_.dropped();
+  j["problems_captured"] = diagnostics_.captured();
   j["recording_failed"] = diagnostics_.recording_failed();
   nlohmann::json grants = nlohmann::json::array();
   for (const Grant& g : grants_)

@@ -13,12 +13,13 @@ namespace hapticd {
 struct Deadline {
   std::int64_t (*left_ns)(const void* clock) noexcept = nullptr;  // until the deadline; negative: passed
   const void* clock = nullptr;
+  std::int64_t reserve_ns = 0;  // to be left for what comes after
 
   bool bounded() const noexcept { return left_ns != nullptr; }
   std::int64_t left() const noexcept {
-    return left_ns ? left_ns(clock) : std::numeric_limits<std::int64_t>::max();
+    return left_ns ? left_ns(clock) - reserve_ns : std::numeric_limits<std::int64_t>::max();
   }
-  bool passed() const noexcept { return left_ns && left_ns(clock) <= 0; }
+  bool passed() const noexcept { return left_ns && left() <= 0; }
 };
 
 }  // namespace hapticd

@@ -13,9 +13,10 @@
 // Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
 // Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
-// feasible iterate, with `not_finite` (NaN or infinity in W or q) it is zero. z is never negative.
-// Entries with W_ii = 0 that W couples to nothing stay at zero.
-// Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of active³/3 flops.
+// feasible iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite`
+// (NaN or infinity in W or q) it is zero. z is never negative. Entries with W_ii = 0 that W couples to
+// nothing stay at zero. Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of
+// active³/3 flops.
 #pragma once
 
 #include <array>
@@ -34,6 +35,7 @@ struct LcpOptions {
   double relative_diagonal = 1e-9;
   int patience = 3;
   int max_pivots = 1000;  // of either kind
+  Deadline deadline;      // looked at before each pivot
 };
 
 struct LcpResult {
