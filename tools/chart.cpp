@@ -224,7 +224,8 @@ Command add_chart(CLI::App& application) {
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "removal.json, removal.csv and removal.png into this directory");
   app->footer("Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart");
-  return {chart, [options, app] { return chart_removal(*options, *app); }};
+  const Command lcp = add_chart_lcp(*chart);
+  return {chart, [options, app, lcp] { return lcp.app->parsed() ? lcp.run() : chart_removal(*options, *app); }};
 }
 
 }  // namespace hapticd

@@ -23,5 +23,6 @@ struct Command {
 Command add_replay(CLI::App& application);
 Command add_hand(CLI::App& application);
 Command add_chart(CLI::App& application);
+Command add_chart_lcp(CLI::App& chart);
 
 }  // namespace hapticd
