@@ -12,14 +12,20 @@ namespace {
 constexpr int longest_run_of_sweeps = 32;
 constexpr int sweeps_between_checks = 4;
 constexpr int most_halvings = 5;
-constexpr double good_chord = 0.1;  // of the merit left: the LU is good for another step
-constexpr int unasked_steps = 8;
+constexpr double good_chord = 0.1;    // of the merit left: the LU is good for another step
+constexpr int dear_steps = 8;         // LUs that the later stages are not begun without time for
+constexpr double hyperstatic = 1e-5;  // ratio of LU pivots below which freedoms are missing
+constexpr int solves_raised = 20;     // that keep a raised diagonal
 
-// How Newton is run: ρ, and the shift of the Jacobian's diagonal.
+// How Newton is run, one after the other: ρ, the shift of the Jacobian's diagonal, whether steps may leave
+// the cones (raw), and how many are taken without asking where none lowers the merit.
 struct Stage {
   double stretch, shift;
+  bool raw;
+  int unasked;
 };
-constexpr Stage stages[] = {{1, 0}, {1, 1e-2}, {100, 0}};
+constexpr Stage stages[] = {
+    {1, 0, true, 6}, {1, 1e-2, true, 8}, {1, 0, false, 8}, {10, 0, true, 8}, {100, 0, true, 8}};
 
 double mean_diagonal(const Eigen::Ref<const MatX>& W, int i) noexcept {
   return (W(3 * i, 3 * i) + W(3 * i + 1, 3 * i + 1) + W(3 * i + 2, 3 * i + 2)) / 3;
@@ -54,6 +60,13 @@ double alart_curnier(const CoulombSystem& s, const double* lambda, const double*
   return 0.5 * sum;
 }
 
+// Into the cone at the same λ_n: what a raw step leaves outside is of the residual's size.
+Vec3 feasible(const Vec3& l, double mu) noexcept {
+  if (!(l[0] > 0)) return Vec3::Zero();
+  const double t = l.tail<2>().norm(), scale = t > mu * l[0] ? mu * l[0] / t : 1;
+  return {l[0], scale * l[1], scale * l[2]};
+}
+
 // 1 / mean diagonal, or 0 for a contact that W does not move at all.
 double inverse_or_zero(double d) noexcept { return d > std::numeric_limits<double>::min() ? 1 / d : 0; }
 
@@ -61,26 +74,56 @@ class CoulombSolve {
  public:
   CoulombSolve(CoulombSystem& system, Eigen::Ref<VecX> lambda, CoulombWorkspace& ws,
                const CoulombOptions& options, CoulombResult& result) noexcept
-      : s_(system), lambda_(lambda), ws_(ws), options_(options), result_(result), rows_(3 * system.contacts) {
-    std::fill_n(ws_.prepared.begin(), s_.contacts, std::uint8_t{0});
-  }
+      : s_(system),
+        lambda_(lambda),
+        ws_(ws),
+        options_(options),
+        result_(result),
+        rows_(3 * system.contacts) {}
 
   void run() noexcept {
-    result_.residual = std::numeric_limits<double>::infinity();
-    s_.compute_delta(lambda_.data(), ws_.delta.data());
-    judge();
-    for (int length = 2; !done() && result_.sweeps < options_.max_sweeps && !options_.deadline.passed();
-         length = std::min(2 * length, longest_run_of_sweeps)) {
+    begin(ws_.raised > 0 ? options_.raised_diagonal : options_.relative_diagonal);
+    if (ws_.raised > 0) --ws_.raised;
+    for (int length = 2; open(); length = std::min(2 * length, longest_run_of_sweeps)) {
+      // The warm start did not serve.
+      if (length == 4) {
+        lambda_.setZero();
+        s_.compute_delta(lambda_.data(), ws_.delta.data());
+      }
       sweeps(length);
-      for (const Stage& stage : stages)
-        if (!done() && (&stage == stages || affords(unasked_steps))) newton(stage);
+      for (const Stage& stage : stages) {
+        if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
+        if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
+            ws_.factor.pivot_ratio < hyperstatic) {
+          std::copy_n(ws_.best.data(), rows_, lambda_.data());
+          begin(options_.raised_diagonal);
+          ws_.raised = solves_raised;
+        }
+      }
     }
-    std::copy_n(ws_.best.data(), rows_, lambda_.data());
+    for (int i = 0; i < s_.contacts; ++i)
+      lambda_.segment<3>(3 * i) = feasible(Eigen::Map<const Vec3>(ws_.best.data() + 3 * i), s_.mu[i]);
+    result_.relative_diagonal = s_.epsilon;
     if (done()) return;
+    s_.compute_delta(lambda_.data(), ws_.delta.data());
+    result_.residual = natural_map(ws_.delta.data(), lambda_.data(), s_.q, s_.rho, s_.mu);
     result_.status = options_.deadline.passed() ? SolveStatus::deadline : SolveStatus::iteration_cap;
   }
 
  private:
+  bool open() const noexcept {
+    return !done() && result_.sweeps < options_.max_sweeps && !options_.deadline.passed();
+  }
+
+  // From now on with this relative diagonal: another problem, with a best of its own.
+  void begin(double epsilon) noexcept {
+    s_.epsilon = epsilon;
+    std::fill_n(ws_.prepared.begin(), s_.contacts, std::uint8_t{0});
+    result_.residual = std::numeric_limits<double>::infinity();
+    s_.compute_delta(lambda_.data(), ws_.delta.data());
+    judge();
+  }
+
   bool done() const noexcept { return !(result_.residual > options_.tolerance); }
 
   // Time for so many LUs like the last one.
@@ -144,7 +187,8 @@ class CoulombSolve {
       ++result_.newton;
       std::copy_n(lambda_.data(), rows_, ws_.start.data());
       std::copy_n(ws_.delta.data(), rows_, ws_.start_delta.data());
-      const NewtonStep step = newton_step(s_, lambda_.data(), stage.shift, fresh, options_.deadline, ws_);
+      const NewtonStep step =
+          newton_step(s_, lambda_.data(), stage.shift, stage.raw, fresh, options_.deadline, ws_);
       result_.factorisations += step.factorisations;
       const bool stepped = step.outcome == NewtonOutcome::stepped;
       if (stepped) s_.compute_delta(ws_.trial.data(), ws_.trial_delta.data());
@@ -163,10 +207,10 @@ class CoulombSolve {
       } else {
         put_back(ws_.start.data());
         if (step.outcome == NewtonOutcome::no_time || options_.deadline.passed()) break;
-        if (step.factorisations > 0 && (roaming || !stepped || !affords(unasked_steps))) break;
+        if (step.factorisations > 0 && (roaming || !stepped || !affords(dear_steps))) break;
         if (step.factorisations > 0) {
           roaming = true;
-          unasked = unasked_steps;
+          unasked = stage.unasked;
           goal = good_chord * merit;
           std::copy_n(lambda_.data(), rows_, ws_.turning_point.data());
         }

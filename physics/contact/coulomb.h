@@ -9,14 +9,17 @@
 // ‖λ_t(c)‖ = μ λ_n(c) by safeguarded Newton on the 2×2 Schur complement's eigenbasis.
 // Newton: y = λ − ρ δ, ρ_i = 3/tr W_ii sorts the contacts (Alart and Curnier 1991): open y_n ≤ 0, no
 // unknown; stick ‖y_t‖ ≤ μ y_n, three unknowns, δ = 0; slip, two: λ_n and a turn τ of λ_t = μ λ_n d;
-// δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n). The LU serves as long as W and the sorting
-// stay (chord steps), also from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's
-// residual squared, falls, after halvings if need be; where it does not, eight steps are taken without
-// asking, for a direction of slip that turns far raises the merit before it falls. Then the same with a
-// shifted Jacobian, and with ρ a hundredfold; then 2, 4, … 32 sweeps and again. An open contact costs one
-// comparison. Deadline: looked at after every sweep and before every LU, whose cost is predicted from the
-// last ones. δ_t is the slip over the solve's period (m), W [m/N], λ [N]; rows ordered n, t1, t2 per contact.
-// μ = 0 is a frictionless contact among others.
+// δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n): the semi-smooth Newton step, without the
+// unknowns that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also
+// from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's residual squared, falls,
+// after halvings if need be; where it does not, some are taken without asking, for a direction of slip that
+// turns far raises the merit before it falls. Then the same with a shifted Jacobian; with steps held in the
+// cones, whose pulled contacts leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
+// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where a Newton
+// stalls on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
+// the result says so. An open contact costs one comparison in a sweep. Deadline: looked at after every sweep
+// and before every LU, whose cost is predicted from the last ones. δ_t is the slip over the solve's period
+// (m), W [m/N], λ [N]; rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others.
 // Existence: for every SPD W and q with W positive definite a solution of the local problem exists;
 // for the whole, where some motion opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not
 // where a motion jams (Painlevé). Uniqueness is not claimed for large μ.
@@ -37,8 +40,9 @@ namespace hapticd {
 struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;
+  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 solves after
   int max_sweeps = 200;
-  int max_newton = 100;  // steps in all; 0: sweeps only
+  int max_newton = 300;  // steps in all; 0: sweeps only
   Deadline deadline;
 };
 
@@ -49,7 +53,8 @@ struct CoulombResult {
   int factorisations = 0;
   int active = 0;  // contacts with λ_n > 0
   int sliding = 0;
-  double residual = 0;
+  double residual = 0;  // of W + ε D with …
+  double relative_diagonal = 0;
 };
 
 // One contact's matrix, prepared for many right-hand sides.
@@ -95,6 +100,7 @@ struct CoulombFactor {
   std::array<ContactMode, max_contacts> mode;
   std::array<int, max_rows> pivot;
   std::array<double, std::size_t(padded(max_rows)) * max_rows> lu;
+  double pivot_ratio = 1;    // of the least to the largest of the last LU: small where hyperstatic
   double ns_per_flop = 0.1;  // of the last ones, where there was a clock
 };
 
@@ -115,6 +121,7 @@ struct CoulombWorkspace {
   std::array<double, max_rows> column;
   std::array<double, max_rows> step;
   CoulombFactor factor;
+  int raised = 0;  // solves still to come with the raised diagonal
 };
 
 // One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.

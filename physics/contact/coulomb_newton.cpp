@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "physics/contact/small_factors.h"
 
 namespace hapticd {
 namespace {
 
-constexpr int singly = 60;                // unknowns up to which contacts leave one by one
+constexpr int singly = 60;  // unknowns up to which contacts leave one by one
+constexpr double forget = 0.95;
 constexpr double flops_of_assembly = 12;  // per entry, in LU flops
 
 // Sorts one contact by y = λ − ρ δ.
@@ -23,6 +25,14 @@ ContactMode classify(const double* l, const double* d, double rho, double mu, Re
   u.lambda_n = l[0] > 0 ? l[0] : n;
   u.c = (pulled - mu * n) / (rho * mu * n);
   return ContactMode::slip;
+}
+
+// λ of one contact after its step, wherever that is.
+Vec3 linear(const ReducedContact& u, const double* base, const double* step, double mu) noexcept {
+  if (u.mode == ContactMode::frictionless) return {base[0] + step[0], 0, 0};
+  if (u.mode == ContactMode::stick) return {base[0] + step[0], base[1] + step[1], base[2] + step[2]};
+  const double n = u.lambda_n + step[0], turn = step[1] / mu;
+  return {n, mu * (n * u.d1 - turn * u.d2), mu * (n * u.d2 + turn * u.d1)};
 }
 
 // λ of one contact after its step, inside its cone.
@@ -93,7 +103,7 @@ class Reduced {
 
   double flops() const noexcept { return size_ * (size_ * (2.0 / 3 * size_ + flops_of_assembly)); }
 
-  bool factor(double shift) noexcept {
+  bool factor(double shift, bool raw) noexcept {
     CoulombFactor& f = ws_.factor;
     f.version = 0;
     const int ld = padded(size_);
@@ -102,7 +112,7 @@ class Reduced {
       const double* c1 = c0 + s_.W.outerStride();
       const double* c2 = c1 + s_.W.outerStride();
       const double mu = s_.mu[u.contact];
-      const double diagonal = s_.diagonal(u.contact) * (1 + shift / s_.epsilon);
+      const double rho = s_.rho[u.contact], diagonal = rho > 0 ? (s_.epsilon + shift) / rho : 0;
       for (int b = 0; b < u.count(); ++b) {
         double* out = f.lu.data() + static_cast<std::ptrdiff_t>(u.first + b) * ld;
         const double* g = b == 0 ? c0 : b == 1 ? c1 : c2;
@@ -118,9 +128,16 @@ class Reduced {
       const double* d = ws_.delta.data() + 3 * u.contact;
       const double slip = -(u.d1 * d[1] + u.d2 * d[2]);
       f.lu[static_cast<std::size_t>(u.first + 1) * static_cast<std::size_t>(ld + 1)] +=
-          std::max(u.c, slip / (mu * u.lambda_n));
+          raw ? u.c : std::max(u.c, slip / (mu * u.lambda_n));
     }
     if (!lu_factor(f.lu.data(), size_, f.pivot.data())) return false;
+    double least = std::numeric_limits<double>::infinity(), largest = 0;
+    for (int k = 0; k < size_; ++k) {
+      const double pivot = std::abs(f.lu[static_cast<std::size_t>(k) * static_cast<std::size_t>(ld + 1)]);
+      least = std::min(least, pivot);
+      largest = std::max(largest, pivot);
+    }
+    f.pivot_ratio = largest > 0 ? least / largest : 1;
     f.contacts = s_.contacts;
     f.size = size_;
     f.epsilon = s_.epsilon;
@@ -209,7 +226,7 @@ void CoulombSystem::compute_delta(const double* lambda, double* delta) const noe
   }
 }
 
-NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shift, bool fresh,
+NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shift, bool raw, bool fresh,
                        const Deadline& deadline, CoulombWorkspace& ws) noexcept {
   Reduced reduced(s, ws);
   reduced.sort(lambda);
@@ -220,16 +237,19 @@ NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shif
     const std::int64_t left = deadline.left();
     const double flops = reduced.flops();
     if (deadline.bounded() && flops * f.ns_per_flop > static_cast<double>(left)) {
+      f.ns_per_flop *= forget;  // or one LU that was interrupted would be the last
       result.outcome = NewtonOutcome::no_time;
       return false;
     }
     ++result.factorisations;
-    if (!reduced.factor(shift)) {
+    if (!reduced.factor(shift, raw)) {
       result.outcome = NewtonOutcome::singular;
       return false;
     }
-    if (deadline.bounded() && flops > 0)
-      f.ns_per_flop += 0.2 * (static_cast<double>(left - deadline.left()) / flops - f.ns_per_flop);
+    if (deadline.bounded() && flops > 0) {
+      const double measured = static_cast<double>(left - deadline.left()) / flops;
+      f.ns_per_flop += 0.2 * (std::min(measured, 2 * f.ns_per_flop) - f.ns_per_flop);
+    }
     return true;
   };
   if (fresh || !reduced.matches_factor()) {
@@ -237,13 +257,15 @@ NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shif
   }
   for (;;) {
     reduced.solve();
-    if (!reduced.drop_pulled()) break;
+    if (raw || !reduced.drop_pulled()) break;
     s.compute_delta(ws.trial.data(), ws.delta.data());
     if (!factor()) return result;
   }
   for (const ReducedContact& u : reduced.contacts()) {
     double* out = ws.trial.data() + 3 * u.contact;
-    Eigen::Map<Vec3>{out} = stepped(u, out, ws.step.data() + u.first, s.mu[u.contact]);
+    const double* step = ws.step.data() + u.first;
+    Eigen::Map<Vec3>{out} =
+        raw ? linear(u, out, step, s.mu[u.contact]) : stepped(u, out, step, s.mu[u.contact]);
   }
   return result;
 }

@@ -35,8 +35,9 @@ struct NewtonStep {
   int factorisations = 0;  // 0: a chord step
 };
 
-// From λ and ws.delta = δ(λ) to ws.trial, which lies in the cones. fresh: no chord step.
-NewtonStep newton_step(const CoulombSystem& system, const double* lambda, double shift, bool fresh,
+// From λ and ws.delta = δ(λ) to ws.trial. raw: the semi-smooth Newton step as it is; otherwise contacts that
+// it pulls on leave the system, which is solved again, and the trial lies in the cones. fresh: no chord step.
+NewtonStep newton_step(const CoulombSystem& system, const double* lambda, double shift, bool raw, bool fresh,
                        const Deadline& deadline, CoulombWorkspace& ws) noexcept;
 
 }  // namespace hapticd
