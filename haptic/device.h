@@ -56,7 +56,7 @@ enum Status : std::uint32_t {
   status_saturated = 1u << 10,        // the device's maximum force was reached
   status_slew_limited = 1u << 11,
   status_not_finite = 1u << 12,       // a force was not finite: zero, latched
-  status_solver_cap = 1u << 13,       // the contact solve ended at its cap
+  status_solver_cap = 1u << 13,       // the contact solve ended at its cap or deadline
   status_blending = 1u << 14,         // ≤ 5 ms after a removal or a stall
   status_contacts_dropped = 1u << 15  // more contacts than capacity
 };
@@ -77,6 +77,7 @@ struct ForceSample {
   std::uint32_t contacts = 0;
   std::uint32_t active = 0;
   std::uint32_t dropped = 0;
+  std::uint32_t solver_caps = 0;     // contact solves so far that ended at their cap or deadline
   double residual = 0;
   double penetration = 0;            // scene [m]
   double energy = 0;                 // passivity observer: what the client put in less what it got [J]

@@ -1,5 +1,6 @@
 #include "haptic/haptic_step.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace hapticd {
@@ -21,17 +22,28 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, H
     answer.echo_client_time_ns = s.watchdog.sample.client_time_ns;
   }
   answer.step = problem ? problem->step : 0;
+  answer.solver_caps = s.caps;
   answer.state_age_ns = verdict.state_age_ns;
   answer.problem_age_ns = verdict.problem_age_ns;
   return answer;
 }
 
+// The last good wrench, never more: held, then fading.
+Wrench held_wrench(HapticState& s, double period) noexcept {
+  constexpr double hold = 10e-3, fade = 90e-3;
+  ++s.unusable;
+  return std::clamp(1 - (s.unusable * period - hold) / fade, 0.0, 1.0) * s.good;
+}
+
 Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
-                      const DeviceSettings& device, const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
+                      const DeviceSettings& device, const HapticOptions& options, const Deadline& deadline,
+                      HapticState& s, ForceSample& answer) noexcept {
   const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
   const Pose X = to_scene(device, s.watchdog.sample.pose);
-  const ContactSolution solution =
-      solve_contact(problem, instrument, X, period, options.contact, s.contact, s.scratch);
+  ContactOptions contact = options.contact;
+  contact.deadline = deadline;
+  contact.usable_residual = options.usable_residual;
+  const ContactSolution& solution = s.solution = solve_contact(problem, instrument, X, period, contact, s.contact, s.scratch);
   s.solved = true;
   answer.contacts = static_cast<std::uint32_t>(solution.contacts);
   answer.active = static_cast<std::uint32_t>(solution.active);
@@ -41,14 +53,18 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   // Its wrench is zero then; said again as NaN, so that it takes the one way that latches.
   if (solution.status == SolveStatus::not_finite)
     return {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
+  if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   if (solution.status != SolveStatus::solved) {
     answer.status |= status_solver_cap;
-    // A poor iterate may be anything: the last good wrench is held instead.
-    if (solution.residual > options.usable_residual) return s.rendered;
+    answer.solver_caps = ++s.caps;
   }
-  if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
-  return {force_to_device(device, solution.wrench.head<3>()),
-          torque_to_device(device, solution.wrench.tail<3>())};
+  // A poor iterate may be anything.
+  if (solution.status != SolveStatus::solved && solution.residual > options.usable_residual)
+    return held_wrench(s, period);
+  s.unusable = 0;
+  s.good = {force_to_device(device, solution.wrench.head<3>()),
+            torque_to_device(device, solution.wrench.tail<3>())};
+  return s.good;
 }
 
 // Nothing is rendered, so nothing may be remembered that a later arming would feel.
@@ -59,7 +75,8 @@ ForceSample silence(ForceSample answer, HapticState& s) noexcept {
   s.blend.left = 0;
   s.passivity = {};
   s.render = Render::zero;
-  s.rendered = s.sent = {};
+  s.rendered = s.sent = s.good = {};
+  s.unusable = 0;
   answer.force.setZero();
   answer.torque.setZero();
   return answer;
@@ -88,7 +105,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
   // compute
   Wrench wrench = s.rendered;
   if (verdict.render == Render::contact)
-    wrench = contact_wrench(*problem, instrument, device, options, s, answer);
+    wrench = contact_wrench(*problem, instrument, device, options, input.deadline, s, answer);
   else if (verdict.render == Render::damp)
     wrench = {-device.damping * s.watchdog.velocity, Vec3::Zero()};
   if (!is_finite(wrench)) return not_finite(answer, s);

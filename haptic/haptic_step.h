@@ -18,16 +18,20 @@ namespace hapticd {
 struct HapticOptions {
   WatchdogLimits watchdog;
   ContactOptions contact;
-  double blend_time = 5e-3;        // [s]
-  double usable_residual = 1e-3;   // natural map; a capped solve that is worse is not felt
-  bool passivity_control = false;  // the observer always runs
+  double blend_time = 5e-3;  // [s]
+  // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered: the
+  // last good wrench is held for 10 ms, then fades in 90 ms.
+  double usable_residual = 1e-3;
+  std::int64_t solve_budget_ns = 600'000;  // of the contact solve, from its begin; the loop keeps the clock
+  bool passivity_control = false;          // the observer always runs
 };
 
 struct HapticInput {
-  std::int64_t now_ns = 0;         // CLOCK_MONOTONIC
+  std::int64_t now_ns = 0;  // CLOCK_MONOTONIC
   Presence presence;
-  bool taken = false;              // `sample` is new
+  bool taken = false;  // `sample` is new
   DeviceSample sample;
+  Deadline deadline;  // of the contact solve; none: bounded by counts alone
 };
 
 // About 1 MB of scratch: keep it on the heap, made before the loop starts.
@@ -37,18 +41,22 @@ struct HapticState {
   ContactScratch scratch;
   Blend blend;
   PassivityState passivity;
-  Render render = Render::zero;    // of the previous tick
-  Wrench rendered;                 // of the previous tick, before gain and limits
-  Wrench sent;                     // of the previous tick
+  Render render = Render::zero;  // of the previous tick
+  Wrench rendered;               // of the previous tick, before gain and limits
+  Wrench sent;                   // of the previous tick
+  Wrench good;                   // of the last usable contact solve, as rendered
+  int unusable = 0;              // contact solves since
+  std::uint32_t caps = 0;        // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
-  std::uint64_t step = 0;          // newest simulation step rendered
-  bool solved = false;             // this tick ran the contact solve
+  std::uint64_t step = 0;  // newest simulation step rendered
+  bool solved = false;  // this tick ran the contact solve …
+  ContactSolution solution;  // … and this came out, in the scene
 };
 
 // problem: the newest, or null when there is none yet.
 ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
-                        const DeviceSettings& device, const HapticOptions& options,
-                        const HapticInput& input, HapticState& state) noexcept;
+                        const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
+                        HapticState& state) noexcept;
 
 // Where the simulation should believe the instrument to be after this tick.
 InstrumentInput instrument_input(const DeviceSettings& device, const WatchdogLimits& limits,

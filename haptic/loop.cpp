@@ -84,7 +84,12 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   problems_.acquire();
   const CondensedProblem* problem = problems_.front().step > 0 ? &problems_.front() : nullptr;
 
-  const std::int64_t begun = monotonic_ns();
+  const std::int64_t begun = monotonic_ns(), solve_until = begun + options_.solve_budget_ns;
+  input.deadline.clock = &solve_until;
+  input.deadline.left_ns = [](const void* until) noexcept {
+    return *static_cast<const std::int64_t*>(until) - monotonic_ns();
+  };
+  if (captures_) before_ = state_->contact;
   ForceSample force = haptic_step(problem, instrument_, device_, options_, input, *state_);
   const std::int64_t solved = monotonic_ns();
   force.wake_ns = woken - intended;
@@ -99,8 +104,35 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   instrument_inputs_.publish();
   history_.push({intended, force, watchdog.sample.pose, instrument});
 
+  if (captures_ && state_->solved) capture(*problem, force);
   statistics_.write.record(written - solved);
   count(force);
+}
+
+void HapticLoop::capture_into(Channel<ContactCapture>& captures, std::uint64_t every) {
+  captures_ = &captures;
+  capture_every_ = every;
+}
+
+void HapticLoop::capture(const CondensedProblem& problem, const ForceSample& force) noexcept {
+  constexpr std::uint64_t ticks_between = 20;
+  ++solves_;
+  const bool capped = (force.status & status_solver_cap) != 0;
+  if (!capped && (capture_every_ == 0 || solves_ % capture_every_ != 0)) return;
+  if (last_capture_ > 0 && force.sequence - last_capture_ < ticks_between) return;
+  last_capture_ = force.sequence;
+  ContactCapture& c = captures_->back();
+  copy_in_use(problem, c.problem);
+  c.state = before_;
+  c.X = to_scene(device_, state_->watchdog.sample.pose);
+  c.period = 1e-9 * static_cast<double>(options_.watchdog.period_ns);
+  c.margin = options_.contact.margin;
+  c.linearisations = options_.contact.linearisations;
+  c.tolerance = options_.contact.coulomb.tolerance;
+  c.status = capped ? SolveStatus::iteration_cap : SolveStatus::solved;
+  c.residual = force.residual;
+  c.wrench = state_->solution.wrench;
+  captures_->publish();
 }
 
 void HapticLoop::count(const ForceSample& force) noexcept {

@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "haptic/channel.h"
+#include "haptic/contact_capture.h"
 #include "haptic/haptic_step.h"
 #include "haptic/loop_statistics.h"
 #include "haptic/spsc_queue.h"
@@ -55,6 +56,10 @@ class HapticLoop {
   HapticLoop(const HapticLoop&) = delete;
   HapticLoop& operator=(const HapticLoop&) = delete;
 
+  // Captures solves that ended at a cap, and every `every`-th one (0: none else), at most one in 20 ms, each for
+  // about 0.1 ms. Before start; the channel must outlive the loop.
+  void capture_into(Channel<ContactCapture>& captures, std::uint64_t every);
+
   // on_thread runs on the new thread before its first tick: the place for priority and affinity.
   void start(std::function<void()> on_thread = {});
   // Returns after the last tick; the last force written is zero and disarmed. Idempotent.
@@ -67,6 +72,7 @@ class HapticLoop {
   void tick(std::int64_t intended_ns) noexcept;
   std::int64_t next_slot(std::int64_t intended_ns) noexcept;
   void count(const ForceSample& force) noexcept;
+  void capture(const CondensedProblem& problem, const ForceSample& force) noexcept;
 
   const Instrument& instrument_;
   const DeviceSettings device_;
@@ -75,6 +81,11 @@ class HapticLoop {
   Channel<CondensedProblem>& problems_;
   Channel<InstrumentInput>& instrument_inputs_;
   SpscQueue<ForceRecord>& history_;
+  Channel<ContactCapture>* captures_ = nullptr;
+  std::uint64_t capture_every_ = 0;
+  std::uint64_t solves_ = 0;
+  std::uint64_t last_capture_ = 0;  // its tick
+  ContactState before_;             // of this tick's solve, where captures are asked for
   std::unique_ptr<HapticState> state_;
   LoopStatistics statistics_;
   std::atomic<bool> stopping_{false};

@@ -49,6 +49,10 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       haptic_(scene.instrument, scene.device, haptic_options(scene), port_, problems_, instrument_, history_),
       diagnostics_(participant_, scene, haptic_.statistics(), snapshots_, history_, options.record) {
   on_realtime_core_.reset();
+  if (options.capture) {
+    haptic_.capture_into(captures_, options.capture_every);
+    diagnostics_.write_captures(captures_, scene_.instrument, *options.capture);
+  }
   // The first step pays for cold caches and the symbolic factor (150 ms): not on the clock.
   world_->step([] { return InstrumentSample{}; }, problems_.back());
   grants_.push_back(latency_.grant());
@@ -101,6 +105,7 @@ nlohmann::json Daemon::summary() const {
   j["sim_force_peak_n"] = s.force_peak.load();
   j["handover_jump_max_n"] = {{"at_base", s.jump_at_base.load()}, {"at_removal", s.jump_at_removal.load()}};
   j["recording_dropped"] = history_.dropped();
+  j["problems_captured"] = diagnostics_.captured();
   j["recording_failed"] = diagnostics_.recording_failed();
   nlohmann::json grants = nlohmann::json::array();
   for (const Grant& g : grants_)

@@ -22,6 +22,8 @@ namespace hapticd {
 struct DaemonOptions {
   std::uint32_t domain = 0;
   std::optional<std::filesystem::path> record;
+  std::optional<std::filesystem::path> capture;  // a directory for contact problems (haptic/contact_capture.h)
+  std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
 };
 
 class Daemon {
@@ -52,6 +54,7 @@ class Daemon {
   Channel<CondensedProblem> problems_;
   Channel<InstrumentInput> instrument_;
   Channel<SceneSnapshot> snapshots_;
+  Channel<ContactCapture> captures_;
   SpscQueue<ForceRecord> history_;
   SimulationLoop simulation_;
   HapticLoop haptic_;

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "server/contact_capture_file.h"
 #include "server/realtime.h"
 
 namespace hapticd {
@@ -96,6 +98,30 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
 
 Diagnostics::~Diagnostics() { stop(); }
 
+void Diagnostics::write_captures(Channel<ContactCapture>& captures, const Instrument& instrument,
+                                 const std::filesystem::path& directory, int most) {
+  std::error_code error;
+  std::filesystem::create_directories(directory, error);
+  if (error) throw std::runtime_error(directory.string() + ": cannot be made: " + error.message());
+  captures_ = &captures;
+  instrument_ = &instrument;
+  capture_directory_ = directory;
+  most_captures_ = most;
+}
+
+void Diagnostics::write_capture_if_new() noexcept {
+  if (!captures_ || captured() >= most_captures_ || !captures_->acquire()) return;
+  char name[32];
+  std::snprintf(name, sizeof name, "%06d.contact", captured() + 1);
+  try {
+    write_capture(capture_directory_ / name, *instrument_, captures_->front());
+    captured_.store(captured() + 1, relaxed);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "hapticd: no more captures: %s\n", e.what());
+    most_captures_ = 0;
+  }
+}
+
 void Diagnostics::start() {
   thread_ = std::thread([this] {
     name_thread("diagnostics");
@@ -113,12 +139,14 @@ void Diagnostics::run() noexcept {
   publish_geometry();
   for (std::uint64_t n = 0; !stopping_.load(relaxed); ++n) {
     drain();
+    write_capture_if_new();
     snapshots_.acquire();
     if (n % turns_per_update == 0) publish_update();
     if (n % turns_per_status == 0) publish_status();
     std::this_thread::sleep_for(turn);
   }
   drain();
+  write_capture_if_new();
   snapshots_.acquire();
   publish_update();
   publish_status();

@@ -58,6 +58,12 @@ class Diagnostics {
   Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
               Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
               const std::optional<std::filesystem::path>& record);
+
+  // Writes captured contact problems as DIRECTORY/000001.contact and so on, at most `most` of them. Before start.
+  // Throws std::runtime_error where the directory cannot be made.
+  void write_captures(Channel<ContactCapture>& captures, const Instrument& instrument,
+                      const std::filesystem::path& directory, int most = 500);
+  int captured() const noexcept { return captured_.load(std::memory_order_relaxed); }
   ~Diagnostics();
   Diagnostics(const Diagnostics&) = delete;
   Diagnostics& operator=(const Diagnostics&) = delete;
@@ -74,12 +80,18 @@ class Diagnostics {
   void publish_geometry();
   void publish_status();
   void publish_update();
+  void write_capture_if_new() noexcept;
 
   const Scene& scene_;
   const LoopStatistics& statistics_;
   Channel<SceneSnapshot>& snapshots_;
   SpscQueue<ForceRecord>& history_;
   std::optional<ForceRecordWriter> record_;
+  Channel<ContactCapture>* captures_ = nullptr;
+  const Instrument* instrument_ = nullptr;
+  std::filesystem::path capture_directory_;
+  int most_captures_ = 0;
+  std::atomic<int> captured_{0};
   Writer<hapticd_msg_ServerStatus> status_;
   Writer<hapticd_msg_SceneGeometry> geometry_;
   Writer<hapticd_msg_SceneUpdate> update_;

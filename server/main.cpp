@@ -24,7 +24,8 @@ struct Arguments {
   bool check = false;
   double duration = 0;
   std::uint32_t domain = 0;
-  std::string device, record, json;
+  std::string device, record, capture, json;
+  std::uint64_t capture_every = 0;
 };
 
 void define(CLI::App& app, Arguments& a) {
@@ -37,6 +38,10 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
   app.add_option("--device", a.device, "Device file or name that replaces the scene's (limits only)");
   app.add_option("--record", a.record, "Write every haptic tick to this CSV file");
+  CLI::Option* capture = app.add_option(
+      "--capture", a.capture,
+      "Write contact problems whose solve ended at a cap into this directory (haptic chart lcp --from)");
+  app.add_option("--capture-every", a.capture_every, "... and every N-th one besides")->needs(capture);
   app.add_option("--json", a.json, "Write the run's figures to this file at the end");
 }
 
@@ -65,8 +70,10 @@ int run(const Arguments& a) {
     return 0;
   }
   const sigset_t signals = block_signals();
-  Daemon daemon(scene,
-                {a.domain, a.record.empty() ? std::nullopt : std::optional<std::filesystem::path>(a.record)});
+  const auto path = [](const std::string& text) {
+    return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
+  };
+  Daemon daemon(scene, {a.domain, path(a.record), path(a.capture), a.capture_every});
   daemon.start();
   for (const Grant& g : daemon.grants())
     if (!g.granted) std::cerr << "hapticd: not granted: " << g.what << ": " << g.detail << '\n';

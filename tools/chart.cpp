@@ -224,9 +224,11 @@ Command add_chart(CLI::App& application) {
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "removal.json, removal.csv and removal.png into this directory");
   app->footer("Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart");
-  const Command warping = add_chart_warping(*chart);
-  return {chart, [options, app, warping] {
-            return warping.app->parsed() ? warping.run() : chart_removal(*options, *app);
+  const std::vector<Command> others = {add_chart_warping(*chart), add_chart_lcp(*chart)};
+  return {chart, [options, app, others] {
+            for (const Command& other : others)
+              if (other.app->parsed()) return other.run();
+            return chart_removal(*options, *app);
           }};
 }
 

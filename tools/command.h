@@ -24,5 +24,6 @@ Command add_replay(CLI::App& application);
 Command add_hand(CLI::App& application);
 Command add_chart(CLI::App& application);
 Command add_chart_warping(CLI::App& chart);
+Command add_chart_lcp(CLI::App& chart);
 
 }  // namespace hapticd

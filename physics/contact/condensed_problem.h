@@ -23,7 +23,7 @@ namespace hapticd {
 
 inline constexpr int max_patch_nodes = 96;
 inline constexpr int max_patch_samples = 2048;
-inline constexpr int max_contacts = 64;
+inline constexpr int max_contacts = 100;
 inline constexpr int max_rows = 3 * max_contacts;
 
 // Who rebuilds contact geometry: nobody within the step (the paper), or every solve.

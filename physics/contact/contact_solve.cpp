@@ -6,7 +6,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double sticking_slip = 1e-6;      // of tr W_ii/3 · ‖λ_i‖
+constexpr double sticking_slip = 1e-6;        // of tr W_ii/3 · ‖λ_i‖
 constexpr double inside_the_cone = 1 - 1e-6;  // ‖λ_t‖ / (μ λ_n) below which a contact sticks
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
@@ -32,18 +32,26 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
   }
 }
 
-void solve_rows(const ContactOptions& options, ContactScratch& scratch, ContactSolution& out) noexcept {
+// later: linearisations after this one.
+void solve_rows(const ContactOptions& options, int later, ContactScratch& scratch,
+                ContactSolution& out) noexcept {
+  Deadline deadline = options.deadline;
+  if (deadline.bounded() && later > 0) deadline.reserve_ns += std::max<std::int64_t>(0, deadline.left() / 2);
   const ContactRows& rows = scratch.rows;
   const auto contacts = static_cast<std::size_t>(rows.contacts);
   Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
   if (rows.rows_per_contact == 1) {
+    LcpOptions lcp = options.lcp;
+    lcp.deadline = deadline;
     const LcpResult r = solve_lcp(rows.W(), rows.q(), lambda, {scratch.active.data(), contacts}, scratch.lcp,
-                                  scratch.matrix_version, options.lcp);
+                                  scratch.matrix_version, lcp);
     out.status = r.status;
     out.residual = r.residual;
   } else {
+    CoulombOptions coulomb = options.coulomb;
+    coulomb.deadline = deadline;
     const CoulombResult r = solve_coulomb(rows.W(), rows.q(), {scratch.mu.data(), contacts}, lambda,
-                                          scratch.coulomb, options.coulomb);
+                                          scratch.coulomb, scratch.matrix_version, coulomb);
     out.status = r.status;
     out.residual = r.residual;
   }
@@ -86,6 +94,10 @@ void remember_solve(const CondensedProblem& problem, ContactScratch& scratch, Co
   memory = scratch.working;
 }
 
+bool usable(const ContactOptions& options, const ContactSolution& out) noexcept {
+  return out.status == SolveStatus::solved || out.residual <= options.usable_residual;
+}
+
 void solve_frozen(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                   const Vec6& K_inv, double margin, const ContactOptions& options, ContactState& state,
                   ContactScratch& scratch, ContactSolution& out) noexcept {
@@ -97,15 +109,16 @@ void solve_frozen(const CondensedProblem& problem, const Instrument& instrument,
   }
   shift_rows(problem, problem.X_ref, X_free, state.memory, scratch.rows);
   warm_start(state.memory, scratch);
-  solve_rows(options, scratch, out);
+  solve_rows(options, 0, scratch, out);
   displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
   out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
   out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
   // Anchors in the frozen rows' own linear kinematics, or a pose held still would seem to slip.
   const Vec6 moved = difference(out.instrument, problem.X_ref);
-  remember_solve(problem, scratch, state.memory, [&](const ContactRow& row, const Vec3& s) {
-    return problem.X_ref.to_local(s - moved.head<3>() - moved.tail<3>().cross(row.arm));
-  });
+  if (usable(options, out))
+    remember_solve(problem, scratch, state.memory, [&](const ContactRow& row, const Vec3& s) {
+      return problem.X_ref.to_local(s - moved.head<3>() - moved.tail<3>().cross(row.arm));
+    });
 }
 
 void solve_renewed(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
@@ -114,20 +127,26 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   scratch.working = state.memory;
   displaced_patch(problem, state.memory, scratch.x);
   out.instrument = X_start;
-  for (int k = 0; k < std::max(1, options.linearisations); ++k) {
+  const int linearisations = std::max(1, options.linearisations);
+  for (int k = 0; k < linearisations; ++k) {
+    if (k > 0 && options.deadline.passed()) {
+      out.status = SolveStatus::deadline;
+      break;
+    }
     build_rows(problem, instrument, X_free, out.instrument, scratch.x, K_inv, scratch.working, margin,
                scratch.rows);
     ++scratch.matrix_version;
     warm_start(scratch.working, scratch);
-    solve_rows(options, scratch, out);
+    solve_rows(options, linearisations - 1 - k, scratch, out);
     if (out.status == SolveStatus::not_finite) return;
     displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
     out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
     out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
     remember_linearisation(scratch);
   }
-  remember_solve(problem, scratch, state.memory,
-                 [&](const ContactRow&, const Vec3& s) { return out.instrument.to_local(s); });
+  if (usable(options, out))
+    remember_solve(problem, scratch, state.memory,
+                   [&](const ContactRow&, const Vec3& s) { return out.instrument.to_local(s); });
 }
 
 double deepest_overlap(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
@@ -183,9 +202,9 @@ ContactSolution solve_contact(const CondensedProblem& problem, const Instrument&
     out.instrument = X_free;
     return out;
   }
-  for (int i = 0; i < out.contacts; ++i)
-    out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
+  for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
   out.penetration = deepest_overlap(problem, instrument, out.instrument, scratch);
+  if (!usable(options, out)) return out;
   state.coupling_offset = difference(X_device, out.instrument);
   for (int c = 0; c < 6; ++c)
     if (K_inv[c] == 0) state.coupling_offset[c] = 0;

@@ -16,6 +16,7 @@
 // Friction memory: a contact that sticks keeps its anchor, so that holding still cannot creep; one that
 // slides or is open takes the place where the solve left it. Sticking is judged by slip, ‖δ_t‖ ≤
 // 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that adds up until it shows.
+// Deadline: a linearisation that it leaves no time for is left out, and the status says so.
 // Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free pose.
 // Guarantee: no allocation, wait-free, bounded by linearisations × (rows + solver's bound); 128 kB of stack.
 // Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
@@ -31,6 +32,9 @@ struct ContactOptions {
   double margin = 0;  // gap below which a sample becomes a row [m]; 0: the problem's alarm distance
   LcpOptions lcp;
   CoulombOptions coulomb;
+  // A solve that ended at a cap with a larger residual leaves memory and coupling as they were.
+  double usable_residual = std::numeric_limits<double>::infinity();
+  Deadline deadline;  // of the whole solve; half of what is left is kept for the linearisations to come
 };
 
 // Carried from one solve to the next by its owner; each loop has its own, with its own scratch: a frozen
@@ -55,13 +59,13 @@ struct ContactScratch {
 
 struct ContactSolution {
   SolveStatus status = SolveStatus::solved;
-  Vec6 wrench = Vec6::Zero();   // on the device, scene units: force [N], torque about its origin [N·m]
-  Pose instrument;              // proxy pose under contact
-  int contacts = 0;             // rows considered
-  int active = 0;               // with λ_n > 0
+  Vec6 wrench = Vec6::Zero();  // on the device, scene units: force [N], torque about its origin [N·m]
+  Pose instrument;             // proxy pose under contact
+  int contacts = 0;            // rows considered
+  int active = 0;              // with λ_n > 0
   int dropped = 0;
-  double residual = 0;          // of the last solve, natural map
-  double penetration = 0;       // deepest true overlap left after the solve [m], ≥ 0
+  double residual = 0;     // of the last solve, natural map
+  double penetration = 0;  // deepest true overlap left after the solve [m], ≥ 0
 };
 
 // K_eff⁻¹ = (K (1 + damping_time/T))⁻¹, diagonal in world axes; zero where K is zero.

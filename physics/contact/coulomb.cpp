@@ -12,6 +12,20 @@ namespace {
 constexpr int longest_run_of_sweeps = 32;
 constexpr int sweeps_between_checks = 4;
 constexpr int most_halvings = 5;
+constexpr double good_chord = 0.1;    // of the merit left: the LU is good for another step
+constexpr int dear_steps = 8;         // LUs that the later stages are not begun without time for
+constexpr double hyperstatic = 1e-5;  // ratio of LU pivots below which freedoms are missing
+constexpr int solves_raised = 20;     // that keep a raised diagonal
+
+// How Newton is run, one after the other: ρ, the shift of the Jacobian's diagonal, whether steps may leave
+// the cones (raw), and how many are taken without asking where none lowers the merit.
+struct Stage {
+  double stretch, shift;
+  bool raw;
+  int unasked;
+};
+constexpr Stage stages[] = {
+    {1, 0, true, 6}, {1, 1e-2, true, 8}, {1, 0, false, 8}, {10, 0, true, 8}, {100, 0, true, 8}};
 
 double mean_diagonal(const Eigen::Ref<const MatX>& W, int i) noexcept {
   return (W(3 * i, 3 * i) + W(3 * i + 1, 3 * i + 1) + W(3 * i + 2, 3 * i + 2)) / 3;
@@ -37,7 +51,7 @@ double alart_curnier(const CoulombSystem& s, const double* lambda, const double*
   double sum = 0;
   for (int i = 0; i < s.contacts; ++i) {
     const Eigen::Map<const Vec3> l(lambda + 3 * i), d(delta + 3 * i);
-    Vec3 y = l - s.rho[i] * d;
+    Vec3 y = l - s.stretch * s.rho[i] * d;
     y[0] = std::max(0.0, y[0]);
     const double pulled = y.tail<2>().norm(), disc = s.mu[i] * y[0];
     if (pulled > disc) y.tail<2>() *= disc / pulled;
@@ -46,27 +60,109 @@ double alart_curnier(const CoulombSystem& s, const double* lambda, const double*
   return 0.5 * sum;
 }
 
+// Into the cone at the same λ_n: what a raw step leaves outside is of the residual's size.
+Vec3 feasible(const Vec3& l, double mu) noexcept {
+  if (!(l[0] > 0)) return Vec3::Zero();
+  const double t = l.tail<2>().norm(), scale = t > mu * l[0] ? mu * l[0] / t : 1;
+  return {l[0], scale * l[1], scale * l[2]};
+}
+
 // 1 / mean diagonal, or 0 for a contact that W does not move at all.
 double inverse_or_zero(double d) noexcept { return d > std::numeric_limits<double>::min() ? 1 / d : 0; }
 
-class Sweeper {
+class CoulombSolve {
  public:
-  Sweeper(const CoulombSystem& system, CoulombWorkspace& ws) noexcept : s_(system), ws_(ws) {
-    for (int i = 0; i < s_.contacts; ++i) {
-      Mat3 A = s_.W.block<3, 3>(3 * i, 3 * i);
-      A.diagonal().array() += s_.diagonal(i);
-      ws_.local[i] = CoulombContact(A, s_.mu[i]);
+  CoulombSolve(CoulombSystem& system, Eigen::Ref<VecX> lambda, CoulombWorkspace& ws,
+               const CoulombOptions& options, CoulombResult& result) noexcept
+      : s_(system),
+        lambda_(lambda),
+        ws_(ws),
+        options_(options),
+        result_(result),
+        rows_(3 * system.contacts) {}
+
+  void run() noexcept {
+    begin(ws_.raised > 0 ? options_.raised_diagonal : options_.relative_diagonal);
+    if (ws_.raised > 0) --ws_.raised;
+    for (int length = 2; open(); length = std::min(2 * length, longest_run_of_sweeps)) {
+      // The warm start did not serve.
+      if (length == 4) {
+        lambda_.setZero();
+        s_.compute_delta(lambda_.data(), ws_.delta.data());
+      }
+      sweeps(length);
+      for (const Stage& stage : stages) {
+        if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
+        if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
+            ws_.factor.pivot_ratio < hyperstatic) {
+          std::copy_n(ws_.best.data(), rows_, lambda_.data());
+          begin(options_.raised_diagonal);
+          ws_.raised = solves_raised;
+        }
+      }
+    }
+    for (int i = 0; i < s_.contacts; ++i)
+      lambda_.segment<3>(3 * i) = feasible(Eigen::Map<const Vec3>(ws_.best.data() + 3 * i), s_.mu[i]);
+    result_.relative_diagonal = s_.epsilon;
+    if (done()) return;
+    s_.compute_delta(lambda_.data(), ws_.delta.data());
+    result_.residual = natural_map(ws_.delta.data(), lambda_.data(), s_.q, s_.rho, s_.mu);
+    result_.status = options_.deadline.passed() ? SolveStatus::deadline : SolveStatus::iteration_cap;
+  }
+
+ private:
+  bool open() const noexcept {
+    return !done() && result_.sweeps < options_.max_sweeps && !options_.deadline.passed();
+  }
+
+  // From now on with this relative diagonal: another problem, with a best of its own.
+  void begin(double epsilon) noexcept {
+    s_.epsilon = epsilon;
+    std::fill_n(ws_.prepared.begin(), s_.contacts, std::uint8_t{0});
+    result_.residual = std::numeric_limits<double>::infinity();
+    s_.compute_delta(lambda_.data(), ws_.delta.data());
+    judge();
+  }
+
+  bool done() const noexcept { return !(result_.residual > options_.tolerance); }
+
+  // Time for so many LUs like the last one.
+  bool affords(int factors) const noexcept {
+    const double n = ws_.factor.size, ns = factors * n * n * (n + 18) * ws_.factor.ns_per_flop;
+    return !options_.deadline.bounded() || ns < static_cast<double>(options_.deadline.left());
+  }
+
+  // λ at ws.delta = δ(λ): kept if it is the best so far.
+  void judge() noexcept {
+    const double residual = natural_map(ws_.delta.data(), lambda_.data(), s_.q, s_.rho, s_.mu);
+    if (!(residual < result_.residual)) return;
+    result_.residual = residual;
+    std::copy_n(lambda_.data(), rows_, ws_.best.data());
+  }
+
+  void sweeps(int length) noexcept {
+    for (int k = 1; k <= length && result_.sweeps < options_.max_sweeps; ++k) {
+      sweep();
+      ++result_.sweeps;
+      const bool late = options_.deadline.passed();
+      if (k != length && k % sweeps_between_checks != 0 && !late) continue;
+      // Rounding of the many updates must not add up.
+      s_.compute_delta(lambda_.data(), ws_.delta.data());
+      judge();
+      if (done() || late) break;
     }
   }
 
   // One pass over the contacts; ws.delta follows λ.
-  void sweep(double* lambda) noexcept {
+  void sweep() noexcept {
     for (int i = 0; i < s_.contacts; ++i) {
-      Eigen::Map<Vec3> l(lambda + 3 * i);
+      Eigen::Map<Vec3> l(lambda_.data() + 3 * i);
       const Eigen::Map<const Vec3> d(ws_.delta.data() + 3 * i);
       if (d[0] >= 0 && l.isZero(0)) continue;
       Mat3 A = s_.W.block<3, 3>(3 * i, 3 * i);
       A.diagonal().array() += s_.diagonal(i);
+      if (!ws_.prepared[i]) ws_.local[i] = CoulombContact(A, s_.mu[i]);
+      ws_.prepared[i] = 1;
       const Vec3 next = ws_.local[i].solve(d - A * l);
       const Vec3 change = next - l;
       if (change.isZero(0)) continue;
@@ -75,9 +171,75 @@ class Sweeper {
     }
   }
 
- private:
-  const CoulombSystem& s_;
+  // Steps that lower the merit. Where none does, some are taken without asking, for a direction of slip that
+  // turns far raises the merit before it falls; unless they end well below, all is put back.
+  void newton(const Stage& stage) noexcept {
+    s_.stretch = stage.stretch;
+    double merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
+    bool fresh = stage.shift > 0, roaming = false;
+    int unasked = 0;
+    double goal = 0;
+    const auto put_back = [&](const double* to) {
+      std::copy_n(to, rows_, lambda_.data());
+      s_.compute_delta(lambda_.data(), ws_.delta.data());
+    };
+    while (!done() && result_.newton < options_.max_newton) {
+      ++result_.newton;
+      std::copy_n(lambda_.data(), rows_, ws_.start.data());
+      std::copy_n(ws_.delta.data(), rows_, ws_.start_delta.data());
+      const NewtonStep step =
+          newton_step(s_, lambda_.data(), stage.shift, stage.raw, fresh, options_.deadline, ws_);
+      result_.factorisations += step.factorisations;
+      const bool stepped = step.outcome == NewtonOutcome::stepped;
+      if (stepped) s_.compute_delta(ws_.trial.data(), ws_.trial_delta.data());
+      double after = merit;
+      if (stepped && unasked > 0) {
+        std::copy_n(ws_.trial.data(), rows_, lambda_.data());
+        std::copy_n(ws_.trial_delta.data(), rows_, ws_.delta.data());
+        merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
+        fresh = merit >= goal;
+        unasked = fresh ? unasked - 1 : 0;
+        judge();
+      } else if (stepped && (after = search(merit)) < merit) {
+        fresh = stage.shift > 0 || after > good_chord * merit;
+        merit = after;
+        judge();
+      } else {
+        put_back(ws_.start.data());
+        if (step.outcome == NewtonOutcome::no_time || options_.deadline.passed()) break;
+        if (step.factorisations > 0 && (roaming || !stepped || !affords(dear_steps))) break;
+        if (step.factorisations > 0) {
+          roaming = true;
+          unasked = stage.unasked;
+          goal = good_chord * merit;
+          std::copy_n(lambda_.data(), rows_, ws_.turning_point.data());
+        }
+        fresh = true;
+      }
+    }
+    if (roaming && !done() && merit >= goal) put_back(ws_.turning_point.data());
+  }
+
+  // From the start towards ws.trial, halving; leaves λ and δ there. The merit reached, or the old one.
+  double search(double merit) noexcept {
+    double length = 1;
+    for (int halved = 0; halved < most_halvings; ++halved, length *= 0.5) {
+      for (int k = 0; k < rows_; ++k) {
+        lambda_[k] = ws_.start[k] + length * (ws_.trial[k] - ws_.start[k]);
+        ws_.delta[k] = ws_.start_delta[k] + length * (ws_.trial_delta[k] - ws_.start_delta[k]);
+      }
+      const double after = alart_curnier(s_, lambda_.data(), ws_.delta.data());
+      if (after < (1 - 0.2 * length) * merit) return after;
+    }
+    return merit;
+  }
+
+  CoulombSystem& s_;
+  Eigen::Ref<VecX> lambda_;
   CoulombWorkspace& ws_;
+  const CoulombOptions& options_;
+  CoulombResult& result_;
+  int rows_;
 };
 
 }  // namespace
@@ -87,83 +249,33 @@ double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const 
   std::array<double, max_contacts> rho;
   std::array<double, max_rows> delta;
   for (std::size_t i = 0; i < mu.size(); ++i) rho[i] = inverse_or_zero(mean_diagonal(W, static_cast<int>(i)));
-  const CoulombSystem system{W, q, mu, rho, 0.0, static_cast<int>(mu.size())};
+  const CoulombSystem system{W, q, mu, rho, 0.0, static_cast<int>(mu.size()), 0};
   system.compute_delta(lambda.data(), delta.data());
   return natural_map(delta.data(), lambda.data(), q, rho, mu);
 }
 
 CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
                             std::span<const double> mu, Eigen::Ref<VecX> lambda, CoulombWorkspace& ws,
-                            const CoulombOptions& options) noexcept {
+                            std::uint64_t matrix_version, const CoulombOptions& options) noexcept {
   CoulombResult result;
-  const int rows = static_cast<int>(q.size());
-  if (!q.allFinite() || !W.diagonal().allFinite()) {
+  const int contacts = static_cast<int>(q.size()) / 3;
+  const auto refuse = [&] {
     lambda.setZero();
     result.status = SolveStatus::not_finite;
+    ws.factor.version = 0;
     return result;
-  }
-  for (int i = 0; i < rows / 3; ++i) ws.rho[i] = inverse_or_zero(mean_diagonal(W, i));
-  const CoulombSystem system{W, q, mu, ws.rho, options.relative_diagonal, rows / 3};
-  Sweeper sweeper(system, ws);
+  };
+  if (!q.allFinite() || !W.diagonal().allFinite()) return refuse();
   if (!lambda.allFinite()) lambda.setZero();
+  for (int i = 0; i < contacts; ++i) ws.rho[i] = inverse_or_zero(mean_diagonal(W, i));
+  if (matrix_version == 0) ws.factor.version = 0;
+  // Within one solve the matrix is the same, whatever the caller promises for the next.
+  const std::uint64_t version = matrix_version ? matrix_version : std::numeric_limits<std::uint64_t>::max();
+  CoulombSystem system{W, q, mu, ws.rho, options.relative_diagonal, contacts, version};
+  CoulombSolve(system, lambda, ws, options, result).run();
 
-  const auto residual_at = [&](const double* at) {
-    system.compute_delta(at, ws.delta.data());
-    return natural_map(ws.delta.data(), at, q, ws.rho, mu);
-  };
-  const auto keep = [&](double residual) {
-    std::copy_n(lambda.data(), rows, ws.best.data());
-    result.residual = residual;
-  };
-  const auto finished = [&] { return !(result.residual > options.tolerance); };
-
-  keep(residual_at(lambda.data()));
-  int run = 2;
-  while (!finished() && result.sweeps < options.max_sweeps) {
-    for (int k = 0; k < run && result.sweeps < options.max_sweeps; ++k) {
-      sweeper.sweep(lambda.data());
-      ++result.sweeps;
-      if (k + 1 != run && (k + 1) % sweeps_between_checks != 0) continue;
-      const double residual = residual_at(lambda.data());
-      if (residual < result.residual) keep(residual);
-      if (finished()) break;
-    }
-    run = std::min(2 * run, longest_run_of_sweeps);
-    double merit = alart_curnier(system, lambda.data(), ws.delta.data());
-    while (!finished() && result.newton < options.max_newton) {
-      // ws.delta belongs to lambda here.
-      ++result.newton;
-      std::copy_n(lambda.data(), rows, ws.start.data());
-      bool moved = newton_step(system, lambda.data(), ws);
-      double length = 1;
-      for (int halved = 0; moved; ++halved, length *= 0.5) {
-        for (int k = 0; k < rows; ++k) lambda[k] = ws.start[k] + length * (ws.trial[k] - ws.start[k]);
-        system.compute_delta(lambda.data(), ws.delta.data());
-        const double next = alart_curnier(system, lambda.data(), ws.delta.data());
-        if (next < (1 - 0.2 * length) * merit) {
-          merit = next;
-          break;
-        }
-        moved = halved + 1 < most_halvings;
-      }
-      if (!moved) {
-        std::copy_n(ws.start.data(), rows, lambda.data());
-        system.compute_delta(lambda.data(), ws.delta.data());
-        break;
-      }
-      const double residual = natural_map(ws.delta.data(), lambda.data(), q, ws.rho, mu);
-      if (residual < result.residual) keep(residual);
-    }
-  }
-
-  std::copy_n(ws.best.data(), rows, lambda.data());
-  if (!lambda.allFinite() || !std::isfinite(result.residual)) {
-    lambda.setZero();
-    result.status = SolveStatus::not_finite;
-    return result;
-  }
-  if (!finished()) result.status = SolveStatus::iteration_cap;
-  for (int i = 0; i < rows / 3; ++i) {
+  if (!lambda.allFinite() || !std::isfinite(result.residual)) return refuse();
+  for (int i = 0; i < contacts; ++i) {
     const Vec3 l = lambda.segment<3>(3 * i);
     if (!(l[0] > 0)) continue;
     ++result.active;

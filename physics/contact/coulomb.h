@@ -9,37 +9,52 @@
 // ‖λ_t(c)‖ = μ λ_n(c) by safeguarded Newton on the 2×2 Schur complement's eigenbasis.
 // Newton: y = λ − ρ δ, ρ_i = 3/tr W_ii sorts the contacts (Alart and Curnier 1991): open y_n ≤ 0, no
 // unknown; stick ‖y_t‖ ≤ μ y_n, three unknowns, δ = 0; slip, two: λ_n and a turn τ of λ_t = μ λ_n d;
-// δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = ‖δ_t‖/(μ λ_n). A step is kept only if the residual falls;
-// otherwise 2, 4, … 32 sweeps follow. An open contact costs one comparison in a sweep.
-// δ_t is the slip over the solve's period (m), W [m/N], λ [N]; rows ordered n, t1, t2 per contact.
-// μ = 0 is a frictionless contact among others.
+// δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n): the semi-smooth Newton step, without the
+// unknowns that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also
+// from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's residual squared, falls,
+// after halvings if need be; where it does not, some are taken without asking, for a direction of slip that
+// turns far raises the merit before it falls. Then the same with a shifted Jacobian; with steps held in the
+// cones, whose pulled contacts leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
+// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where a Newton
+// stalls on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
+// the result says so. An open contact costs one comparison in a sweep. Deadline: looked at after every sweep
+// and before every LU, whose cost is predicted from the last ones. δ_t is the slip over the solve's period
+// (m), W [m/N], λ [N]; rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others.
 // Existence: for every SPD W and q with W positive definite a solution of the local problem exists;
-// for the whole, it exists whenever no motion jams (Painlevé); uniqueness is not claimed for large μ.
+// for the whole, where some motion opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not
+// where a motion jams (Painlevé). Uniqueness is not claimed for large μ.
 // Residual: natural map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ / scale, de Saxcé's correction.
-// Errors: a status. `iteration_cap`: λ is the best iterate by residual; `not_finite`: λ is zero.
-// Guarantee: no allocation, wait-free, bounded by max_sweeps × contacts² and max_newton × rows³.
+// Errors: a status. `iteration_cap`, `deadline`: λ is the best iterate by residual; `not_finite`: λ is zero.
+// Guarantee: no allocation, wait-free, bounded by max_sweeps × contacts² and max_newton × contacts × rows³;
+// with a deadline late by at most a sweep and a product of W.
 #pragma once
 
 #include <span>
 
+#include "physics/contact/deadline.h"
 #include "physics/contact/lcp.h"
+#include "physics/contact/small_factors.h"
 
 namespace hapticd {
 
 struct CoulombOptions {
-  double tolerance = 1e-8;         // on the residual
+  double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;
+  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 solves after
   int max_sweeps = 200;
-  int max_newton = 40;             // steps in all; 0: sweeps only
+  int max_newton = 300;  // steps in all; 0: sweeps only
+  Deadline deadline;
 };
 
 struct CoulombResult {
   SolveStatus status = SolveStatus::solved;
   int sweeps = 0;
   int newton = 0;  // steps tried
+  int factorisations = 0;
   int active = 0;  // contacts with λ_n > 0
   int sliding = 0;
-  double residual = 0;
+  double residual = 0;  // of W + ε D with …
+  double relative_diagonal = 0;
 };
 
 // One contact's matrix, prepared for many right-hand sides.
@@ -55,22 +70,58 @@ class CoulombContact {
   Vec3 slip(const Vec3& b) const noexcept;
 
   Mat3 inverse_ = Mat3::Zero();
-  Eigen::Vector2d to_n_ = Eigen::Vector2d::Zero();         // A_tn / A_nn
-  Eigen::Matrix2d basis_ = Eigen::Matrix2d::Identity();    // eigenvectors of S = A_tt − A_tn A_nt / A_nn
+  Eigen::Vector2d to_n_ = Eigen::Vector2d::Zero();       // A_tn / A_nn
+  Eigen::Matrix2d basis_ = Eigen::Matrix2d::Identity();  // eigenvectors of S = A_tt − A_tn A_nt / A_nn
   Eigen::Vector2d eigenvalue_ = Eigen::Vector2d::Zero();
   double a_nn_ = 0;
   double mu_ = 0;
 };
 
+// A contact in the reduced system.
+enum class ContactMode : std::uint8_t { open, stick, slip, frictionless };
+
+struct ReducedContact {
+  int contact;
+  int first;  // its unknowns start here
+  ContactMode mode;
+  double d1, d2;    // slip: the direction d of λ_t
+  double lambda_n;  // slip: at the base point
+  double c;         // slip: (‖y_t‖ − μ y_n) / (ρ μ y_n), how much δ_t turns with λ_t
+
+  int count() const noexcept { return mode == ContactMode::stick ? 3 : mode == ContactMode::slip ? 2 : 1; }
+};
+
+// The LU that is kept.
+struct CoulombFactor {
+  std::uint64_t version = 0;  // of W; 0: none
+  int contacts = 0;
+  int size = 0;
+  double epsilon = 0;
+  std::array<ContactMode, max_contacts> mode;
+  std::array<int, max_rows> pivot;
+  std::array<double, std::size_t(padded(max_rows)) * max_rows> lu;
+  double pivot_ratio = 1;    // of the least to the largest of the last LU: small where hyperstatic
+  double ns_per_flop = 0.1;  // of the last ones, where there was a clock
+};
+
+// One owner; 0.8 MB.
 struct CoulombWorkspace {
   std::array<CoulombContact, max_contacts> local;
+  std::array<std::uint8_t, max_contacts> prepared;  // local holds this solve's matrix
   std::array<double, max_contacts> rho;
+  std::array<ReducedContact, max_contacts> reduced;
+  std::array<ContactMode, max_contacts> mode;
   std::array<double, max_rows> delta;
   std::array<double, max_rows> best;
   std::array<double, max_rows> start;
+  std::array<double, max_rows> turning_point;
+  std::array<double, max_rows> start_delta;
   std::array<double, max_rows> trial;
+  std::array<double, max_rows> trial_delta;
+  std::array<double, max_rows> column;
   std::array<double, max_rows> step;
-  std::array<double, std::size_t(max_rows) * max_rows> jacobian;
+  CoulombFactor factor;
+  int raised = 0;  // solves still to come with the raised diagonal
 };
 
 // One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.
@@ -84,8 +135,10 @@ double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const 
                         const Eigen::Ref<const VecX>& lambda, std::span<const double> mu) noexcept;
 
 // lambda is read as warm start and left as the best iterate.
+// matrix_version: equal nonzero values in solves with one workspace promise an unchanged W (and contacts);
+// 0: W is new.
 CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
                             std::span<const double> mu, Eigen::Ref<VecX> lambda, CoulombWorkspace& workspace,
-                            const CoulombOptions& options) noexcept;
+                            std::uint64_t matrix_version, const CoulombOptions& options) noexcept;
 
 }  // namespace hapticd

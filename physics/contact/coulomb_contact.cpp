@@ -21,8 +21,15 @@ CoulombContact::CoulombContact(const Mat3& A, double mu) noexcept : a_nn_(A(0, 0
   const double off = 0.5 * (S(0, 1) + S(1, 0));
   const double radius = std::hypot(half, off), least = std::numeric_limits<double>::epsilon() * a_nn_;
   eigenvalue_ = {std::max(mean + radius, least), std::max(mean - radius, least)};
-  const double angle = 0.5 * std::atan2(off, half);
-  basis_ << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
+  // Half of the angle atan2(off, half), without trigonometry.
+  double c = 1, s = 0;
+  if (radius > 0) {
+    const double larger = std::sqrt(0.5 * (1 + std::abs(half) / radius)),
+                 smaller = 0.5 * off / (radius * larger);
+    c = half >= 0 ? larger : std::abs(smaller);
+    s = half >= 0 ? smaller : std::copysign(larger, off);
+  }
+  basis_ << c, -s, s, c;
 
   // A⁻¹ through S: λ_t = −S⁻¹(b_t − a b_n), λ_n = −b_n/A_nn − a·λ_t, a = A_tn/A_nn.
   const Eigen::Matrix2d S_inv = basis_ * eigenvalue_.cwiseInverse().asDiagonal() * basis_.transpose();

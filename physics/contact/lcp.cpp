@@ -149,9 +149,12 @@ class Pivoting {
     size_ = 0;
     for (int i = 0; i < n_; ++i)
       if (active_[i]) ws_.index[size_++] = i;
+    const int ld = padded(size_);
     for (int j = 0; j < size_; ++j) {
-      double* out = ws_.factor.data() + static_cast<std::ptrdiff_t>(j) * size_;
-      for (int i = j; i < size_; ++i) out[i] = W_(ws_.index[i], ws_.index[j]);
+      double* out = ws_.factor.data() + static_cast<std::ptrdiff_t>(j) * ld;
+      const double* column = W_.data() + static_cast<std::ptrdiff_t>(ws_.index[j]) * W_.outerStride();
+      for (int i = j; i < size_; ++i) out[i] = column[ws_.index[i]];
+      std::fill(out + size_, out + ld, 0.0);
       out[j] = W_(ws_.index[j], ws_.index[j]) + epsilon_ * ws_.diagonal[ws_.index[j]];
     }
     cholesky(ws_.factor.data(), size_, std::max(0.25 * epsilon_, unit_roundoff));
@@ -189,7 +192,7 @@ class Pivoting {
   bool rigid_ = false;
 };
 
-enum class Outcome : std::uint8_t { solved, stalled, capped, not_finite };
+enum class Outcome : std::uint8_t { solved, stalled, capped, late, not_finite };
 
 // Block principal pivoting: solved, or stalled where the infeasible indices no longer become fewer.
 Outcome exchange_blocks(Pivoting& p, std::uint64_t version, const LcpOptions& options, int& pivots) noexcept {
@@ -208,6 +211,10 @@ Outcome exchange_blocks(Pivoting& p, std::uint64_t version, const LcpOptions& op
     } else if (patience-- <= 0) {
       return Outcome::stalled;
     }
+    if (options.deadline.passed()) {
+      p.keep_best();
+      return Outcome::late;
+    }
     if (pivots >= options.max_pivots) return Outcome::stalled;
     ++pivots;
     p.exchange_infeasible();
@@ -219,6 +226,7 @@ Outcome exchange_blocks(Pivoting& p, std::uint64_t version, const LcpOptions& op
 Outcome descend(Pivoting& p, std::uint64_t version, const LcpOptions& options, int& pivots) noexcept {
   const int limit = pivots + options.max_pivots;
   for (int entered = -1;;) {
+    if (options.deadline.passed()) return Outcome::late;
     p.solve_active_block(version);
     if (!p.finite()) return Outcome::not_finite;
     if (entered >= 0 && p.refused(entered)) {
@@ -276,6 +284,7 @@ LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX
   }
   if (outcome == Outcome::not_finite) return refuse(SolveStatus::not_finite);
   if (outcome == Outcome::capped) result.status = SolveStatus::iteration_cap;
+  if (outcome == Outcome::late) result.status = SolveStatus::deadline;
 
   pivoting.restore_best();
   z = z.cwiseMax(0.0);

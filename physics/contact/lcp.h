@@ -13,9 +13,10 @@
 // Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
 // Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
-// feasible iterate, with `not_finite` (NaN or infinity in W or q) it is zero. z is never negative.
-// Entries with W_ii = 0 that W couples to nothing stay at zero.
-// Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of active³/3 flops.
+// feasible iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite`
+// (NaN or infinity in W or q) it is zero. z is never negative. Entries with W_ii = 0 that W couples to
+// nothing stay at zero. Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of
+// active³/3 flops.
 #pragma once
 
 #include <array>
@@ -23,6 +24,8 @@
 #include <span>
 
 #include "physics/contact/condensed_problem.h"
+#include "physics/contact/deadline.h"
+#include "physics/contact/small_factors.h"
 
 namespace hapticd {
 
@@ -32,21 +35,22 @@ struct LcpOptions {
   double relative_diagonal = 1e-9;
   int patience = 3;
   int max_pivots = 1000;  // of either kind
+  Deadline deadline;      // looked at before each pivot
 };
 
 struct LcpResult {
   SolveStatus status = SolveStatus::solved;
-  int pivots = 0;        // changes of the active set
+  int pivots = 0;          // changes of the active set
   bool fell_back = false;  // the descent by single exchanges was needed
   int active = 0;
-  double residual = 0;   // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
+  double residual = 0;  // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
 };
 
 struct LcpWorkspace {
-  std::array<double, std::size_t(max_rows) * max_rows> factor;
-  std::array<int, max_rows> index;      // active rows, ascending: the factor's order
+  std::array<double, std::size_t(padded(max_rows)) * max_rows> factor;  // ld: padded(active)
+  std::array<int, max_rows> index;        // active rows, ascending: the factor's order
   std::array<double, max_rows> diagonal;  // D, floored
-  std::array<double, max_rows> packed;  // a right-hand side in the factor's order
+  std::array<double, max_rows> packed;    // a right-hand side in the factor's order
   std::array<double, max_rows> w;
   std::array<double, max_rows> best;
   std::array<std::uint8_t, max_rows> warm_set;
@@ -58,8 +62,8 @@ struct LcpWorkspace {
 
 // z and active have n entries; active is read as warm start and left as the solution's active set.
 // matrix_version: equal nonzero values promise an unchanged W; 0: W is new.
-LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
-                    Eigen::Ref<VecX> z, std::span<std::uint8_t> active, LcpWorkspace& workspace,
-                    std::uint64_t matrix_version, const LcpOptions& options) noexcept;
+LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q, Eigen::Ref<VecX> z,
+                    std::span<std::uint8_t> active, LcpWorkspace& workspace, std::uint64_t matrix_version,
+                    const LcpOptions& options) noexcept;
 
 }  // namespace hapticd

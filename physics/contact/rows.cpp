@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/contact_selection.h"
 #include "physics/contact/delassus.h"
 
 namespace hapticd {
@@ -10,34 +11,28 @@ namespace {
 
 constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
 
-struct Candidate {
-  double gap;
-  int sample;
-};
+bool same_face(const PatchSample& a, const PatchSample& b) noexcept {
+  constexpr int index_bits = 12;  // of a sample's id; the face is above them
+  return a.node == b.node && (a.node[0] >= 0 || a.id >> index_bits == b.id >> index_bits);
+}
 
 // Samples that become rows, by sample index (which is by id). Returns how many, and counts the overlapping
 // ones that did not fit.
 int select(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
-           const PatchPositions& x, double margin, std::array<Candidate, max_patch_samples>& candidate,
+           const PatchPositions& x, double margin, std::array<ContactCandidate, max_patch_samples>& candidate,
            int& dropped) noexcept {
   int count = 0;
+  std::uint32_t face = 0;
   for (int k = 0; k < problem.samples; ++k) {
+    if (k > 0 && !same_face(problem.sample[k - 1], problem.sample[k])) ++face;
     const Gap gap = gap_at(instrument, X, sample_position(problem, x, k));
     if (gap.distance < margin && gap.normal.dot(problem.sample[k].outward) < facing_away)
-      candidate[count++] = {gap.distance, k};
+      candidate[count++] = {gap.distance, k, face};
   }
-  const auto begin = candidate.begin();
   dropped = 0;
   if (count > max_contacts) {
-    const auto nearer = [](const Candidate& a, const Candidate& b) {
-      return a.gap != b.gap ? a.gap < b.gap : a.sample < b.sample;
-    };
-    std::nth_element(begin, begin + max_contacts, begin + count, nearer);
-    dropped = static_cast<int>(
-        std::count_if(begin + max_contacts, begin + count, [](const Candidate& c) { return c.gap < 0; }));
+    dropped = select_contacts({candidate.data(), static_cast<std::size_t>(count)}, max_contacts);
     count = max_contacts;
-    std::sort(begin, begin + count,
-              [](const Candidate& a, const Candidate& b) { return a.sample < b.sample; });
   }
   return count;
 }
@@ -73,7 +68,7 @@ Mat3 contact_frame(const Vec3& n) noexcept {
 void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
                 const ContactMemory& memory, double margin, ContactRows& rows) noexcept {
-  std::array<Candidate, max_patch_samples> candidate;
+  std::array<ContactCandidate, max_patch_samples> candidate;
   rows.contacts = select(problem, instrument, X_lin, x_lin, margin, candidate, rows.dropped);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i)

@@ -10,8 +10,8 @@
 // exists where gap(s) < margin and the instrument is on the outer side of the tissue
 // (n · outward < 0.2): no ghost contacts from inside; the tolerance of 11° past tangent keeps the
 // samples around a sharp edge, whose face is turned away although the instrument is on it. More
-// candidates than capacity: the smallest gaps are kept; of the rest, those that overlap (gap < 0) are
-// counted in `dropped`: the others could not have pressed.
+// candidates than capacity: contact_selection.h chooses; of the rest, those that overlap (gap < 0) are counted
+// in `dropped`: the others could not have pressed.
 // A contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue next to
 // fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I,
 // means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, and rigid

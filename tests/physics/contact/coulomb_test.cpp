@@ -17,7 +17,7 @@ Solved solve(const MatX& W, const VecX& q, const std::vector<double>& mu,
   static const auto workspace = std::make_unique<CoulombWorkspace>();
   Solved s;
   s.lambda = VecX::Zero(q.size());
-  s.result = solve_coulomb(W, q, mu, s.lambda, *workspace, options);
+  s.result = solve_coulomb(W, q, mu, s.lambda, *workspace, 0, options);
   return s;
 }
 
@@ -52,9 +52,12 @@ TEST(CoulombContact, ConditionsHoldInThousandsOfRandomCases) {
     // One contact may lever itself: A_nt large against A_nn. Its force can be large, errors scale with it.
     const double scale = l.norm() + b.norm() / compliance;
     expect_coulomb(l, d, mu, compliance, scale, 1e-11);
-    if (l.isZero(0)) ++open;
-    else if (d.tail<2>().norm() < 1e-10 * scale * compliance) ++stick;
-    else ++slip;
+    if (l.isZero(0))
+      ++open;
+    else if (d.tail<2>().norm() < 1e-10 * scale * compliance)
+      ++stick;
+    else
+      ++slip;
   }
   EXPECT_GT(open, 2000);
   EXPECT_GT(stick, 1500);
@@ -196,7 +199,7 @@ TEST(Coulomb, WarmStartAtTheSolutionCostsNoSweep) {
   const VecX q = VecX::Constant(36, -1.0);
   const std::vector<double> mu(12, 0.3);
   VecX lambda = solve(W, q, mu).lambda;
-  const CoulombResult again = solve_coulomb(W, q, mu, lambda, *workspace, {});
+  const CoulombResult again = solve_coulomb(W, q, mu, lambda, *workspace, 0, {});
   EXPECT_EQ(again.sweeps, 0);
   EXPECT_EQ(again.status, SolveStatus::solved);
 }
@@ -217,6 +220,60 @@ TEST(Coulomb, SweepsAloneReachTheSameForce) {
     EXPECT_EQ(a.result.newton, 0);
     EXPECT_LT((a.lambda - b.lambda).norm(), 1e-5 * b.lambda.norm());
   }
+}
+
+// A new right-hand side under the same W: the kept LU serves, and a wrong promise is the caller's alone.
+TEST(Coulomb, KeptFactorGivesTheSameForce) {
+  Random random(9);
+  const auto kept = std::make_unique<CoulombWorkspace>();
+  const MatX W = tissue_like(random, 12, 0.1);
+  const std::vector<double> mu(12, 0.3);
+  VecX q = VecX::Constant(36, -1.0), lambda = VecX::Zero(36);
+  int factorisations = 0, fresh = 0;
+  for (int tick = 0; tick < 40; ++tick) {
+    for (int i = 0; i < 12; ++i) q.segment<3>(3 * i) += 1e-3 * Vec3(normal(random), normal(random), 0.5);
+    VecX other = lambda;
+    factorisations += solve_coulomb(W, q, mu, lambda, *kept, 7, {}).factorisations;
+    const auto anew = std::make_unique<CoulombWorkspace>();
+    fresh += solve_coulomb(W, q, mu, other, *anew, 0, {}).factorisations;
+    EXPECT_LT((lambda - other).norm(), 1e-6 * other.norm());
+  }
+  EXPECT_LT(2 * factorisations, fresh);
+}
+
+// A clock that loses a microsecond at every look: the answer is the best iterate, and says so.
+TEST(Coulomb, DeadlineReturnsTheBestIterate) {
+  Random random(10);
+  const auto workspace = std::make_unique<CoulombWorkspace>();
+  const int contacts = 30;
+  const MatX W = tissue_like(random, contacts, 0.1);
+  const std::vector<double> mu(contacts, 0.5);
+  VecX q(3 * contacts);
+  for (int i = 0; i < contacts; ++i)
+    q.segment<3>(3 * i) = Vec3(-1, 0.5 * normal(random), 0.5 * normal(random));
+  double before = std::numeric_limits<double>::infinity();
+  int capped = 0;
+  for (const std::int64_t budget : {1'000, 4'000, 16'000, 64'000, 1'000'000}) {
+    struct Clock {
+      mutable std::int64_t left;
+    } const clock{budget};
+    CoulombOptions options;
+    options.deadline.clock = &clock;
+    options.deadline.left_ns = [](const void* c) noexcept {
+      return static_cast<const Clock*>(c)->left -= 1000;
+    };
+    VecX lambda = VecX::Zero(q.size());
+    const CoulombResult r = solve_coulomb(W, q, mu, lambda, *workspace, 0, options);
+    const double residual = coulomb_residual(W, q, lambda, mu);
+    EXPECT_NEAR(r.residual, residual, 1e-6 * (1 + residual));
+    EXPECT_LE(r.residual, before);
+    before = r.residual;
+    capped += r.status == SolveStatus::deadline;
+    if (budget == 1'000'000) {
+      EXPECT_EQ(r.status, SolveStatus::solved);
+    }
+  }
+  EXPECT_GT(capped, 0);
 }
 
 TEST(Coulomb, CapAndNotFiniteAreStatuses) {

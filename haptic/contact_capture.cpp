@@ -1,0 +1,24 @@
+#include "haptic/contact_capture.h"
+
+#include <algorithm>
+
+namespace hapticd {
+
+void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept {
+  to.step = from.step;
+  to.published_ns = from.published_ns;
+  to.X_ref = from.X_ref;
+  to.renewal = from.renewal;
+  to.topology_changed = from.topology_changed;
+  to.alarm_distance = from.alarm_distance;
+  to.coupling = from.coupling;
+  to.nodes = from.nodes;
+  to.samples = from.samples;
+  to.dropped_samples = from.dropped_samples;
+  std::copy_n(from.x_free.begin(), from.nodes, to.x_free.begin());
+  std::copy_n(from.x_now.begin(), from.nodes, to.x_now.begin());
+  std::copy_n(from.sample.begin(), from.samples, to.sample.begin());
+  std::copy_n(from.C_pp.begin(), 9 * from.nodes * from.nodes, to.C_pp.begin());
+}
+
+}  // namespace hapticd

@@ -1,0 +1,28 @@
+// Which candidates become contacts where there are more than capacity: a stated rule, never order of
+// discovery.
+//
+//   1. half of the capacity: the smallest gaps (the deepest)
+//   2. the rest, spread over the surface: the deepest sample of every face that has none yet, then the second
+//      of every face, and so on; within a round by gap
+//
+// A flat face has three normal freedoms, so its further samples add little that a fourth contact elsewhere
+// would not. Ties go to the lower sample index, so the choice is a function of the set alone.
+// Units: m. Guarantee: wait-free, no allocation, O(n log n).
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace hapticd {
+
+struct ContactCandidate {
+  double gap;
+  int sample;
+  std::uint32_t face;  // equal for the samples of one face, and for no others
+};
+
+// Moves the chosen ones to the front, by sample index; returns how many of the others overlap (gap < 0).
+// Contract: capacity ≤ candidates; those of one face are adjacent.
+int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcept;
+
+}  // namespace hapticd
