@@ -2,24 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 namespace hapticd {
 namespace {
 
-constexpr double sleeping_speed = 1e-5;  // [m/s]
-constexpr double zone_keep = 1.15;       // in alarm distances: every node this near must be in the zone
-constexpr double zone_reach = 1.6;       // … and a new zone reaches this far
+constexpr double zone_keep = 1.15;  // in alarm distances: every node this near must be in the zone
+constexpr double zone_reach = 1.6;  // … and a new zone reaches this far
 constexpr std::size_t max_zone_nodes = 160;
-constexpr double longest_lead = 0.3;     // [s] a base in the making looks ahead by no more
-constexpr int rest_between_bases = 2;    // steps
-constexpr double contact_margin = 0.25;     // in alarm distances: rows for gaps below it, renewed in each solve
-constexpr double usable_residual = 1e-3;    // a worse contact solve moves nothing; the next step repairs
-
-bool at_rest(const Body& body) {
-  return std::all_of(body.state.v.begin(), body.state.v.end(),
-                     [](const Vec3& v) { return v.squaredNorm() < sleeping_speed * sleeping_speed; });
-}
+constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
+constexpr int rest_between_bases = 2;  // steps
 
 bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
@@ -32,7 +25,12 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
       instrument_(std::make_unique<Instrument>(std::move(instrument))),
       collision_(*instrument_, settings.alarm_distance),
       gatherer_(settings.sample_spacing),
-      scratch_(std::make_unique<ContactScratch>()) {
+      scratch_(std::make_unique<ContactScratch>()),
+      contacts_(settings.body_contact, settings.h) {
+  for (const ContactPair& p : contacts_.pairs())
+    if (std::min(p.points, p.faces) < 0 || std::max(p.points, p.faces) >= static_cast<int>(bodies.size()) ||
+        p.points == p.faces)
+      throw std::invalid_argument("a contact pair names two of the bodies");
   rebases_ = settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
   for (BodySettings& b : bodies)
     bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
@@ -53,12 +51,17 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     if (bodies_[b].deformable && !bodies_[b].asleep)
       collision_.refit(static_cast<int>(b), bodies_[b].state.x);
   wake(sample);
+  if (!contacts_.empty()) find_body_contacts();
   factor_and_free_motion(sample, report);
 
   sample = latest();
   gather(sample, problem);
-  compliance_of_patch(sample.pose, problem, report);
-  solve_and_correct(sample, problem, report);
+  compliance_of_patch(sample, problem, report);
+  if (contacts_.empty())
+    solve_instrument(sample, problem, report);
+  else
+    solve_together(sample, problem, report);
+  correct_bodies();
 
   for (Body& body : bodies_)
     if (body.deformable && !body.asleep) {
@@ -66,10 +69,9 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
       compute_free_motion(body, settings_.h);
     }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  if (contacts_.any()) condense_bodies(problem, report);
   report_compliance(report);
-  for (std::size_t b = 0; b < bodies_.size(); ++b)
-    if (bodies_[b].deformable)
-      bodies_[b].asleep = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
+  put_to_sleep();
   removed_ += report.removed;
   return report;
 }
@@ -103,6 +105,11 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
       report.removed += gone;
       topology_changed_ = true;
       collision_.set_surface(static_cast<int>(b), body.surface.faces(), body.state.x);
+      contacts_.surface_changed(static_cast<int>(b));
+      // What lay on it may have nothing to lie on now.
+      for (const ContactPair& p : contacts_.pairs())
+        if (p.points == static_cast<int>(b) || p.faces == static_cast<int>(b))
+          bodies_[p.points].asleep = bodies_[p.faces].asleep = false;
     }
   }
 }
@@ -147,19 +154,20 @@ void World::wake(const InstrumentSample& sample) {
   for (const NearFace& f : near_) bodies_[f.body].asleep = false;
 }
 
-void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) {
+void World::update_zone(int b, const InstrumentSample& sample, std::span<const int> nodes) {
   Body& body = bodies_[b];
   // A base made elsewhere is used from when it is adopted until the next is: the zone reaches ahead to where
-  // the instrument will be by then, and by an edge farther, for the corners of faces that only just come near.
+  // the instrument will be by then, and by an edge farther, for the corners of faces that only just come
+  // near.
   const double lead =
       rebases_ ? std::min(longest_lead, (2 * body.last_base_steps + rest_between_bases) * settings_.h) : 0;
   const double reach_of_zone = zone_reach * settings_.alarm_distance + (rebases_ ? body.edge : 0);
-  Pose ahead = X;
+  Pose ahead = sample.pose;
   ahead.p += lead * velocity_;
   std::vector<std::pair<double, int>> reach;
   std::vector<std::uint8_t> must_be_in(body.state.x.size(), 0);
-  for (int n = 0; n < body.model.node_count(); ++n) {
-    double gap = gap_at(*instrument_, X, body.state.x[n]).distance;
+  for (int n = 0; sample.present && n < body.model.node_count(); ++n) {
+    double gap = gap_at(*instrument_, sample.pose, body.state.x[n]).distance;
     must_be_in[n] = gap < zone_keep * settings_.alarm_distance;
     if (lead > 0) gap = std::min(gap, gap_at(*instrument_, ahead, body.state.x[n]).distance);
     if (gap < reach_of_zone) reach.emplace_back(gap, n);
@@ -168,15 +176,17 @@ void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) 
   if (reach.size() > max_zone_nodes) reach.resize(max_zone_nodes);
 
   // Nearest first: the patch of the nodes named first is the cheapest.
-  std::vector<int> zone(patch_nodes.begin(), patch_nodes.end());
+  std::vector<int> zone(nodes.begin(), nodes.end());
   std::vector<std::uint8_t> inside(body.state.x.size(), 0);
   for (int n : zone) inside[n] = 1;
   std::vector<int> must(zone);
-  for (const auto& [gap, n] : reach) {
+  const auto add = [&](int n, bool needed) {
     if (!inside[n]) zone.push_back(n);
     inside[n] = 1;
-    if (must_be_in[n]) must.push_back(n);
-  }
+    if (needed) must.push_back(n);
+  };
+  for (const auto& [gap, n] : reach) add(n, must_be_in[n]);
+  for (const int n : contacts_.nodes_of(b)) add(n, true);
   const bool covered = body.compliance->zone_covers(must);
   if (!covered) body.base_wanted = true;
   // A zone for the next base may follow the instrument at every step; one that is factored here may not.
@@ -187,7 +197,8 @@ void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& r
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
-    if (sample.present) update_zone(static_cast<int>(b), sample.pose, {});
+    if (sample.present || !contacts_.nodes_of(static_cast<int>(b)).empty())
+      update_zone(static_cast<int>(b), sample, {});
     body.compliance->update(body.state);
     compute_free_motion(body, settings_.h);
     ++report.awake_bodies;
@@ -208,7 +219,7 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
     Body& body = bodies_[f.body];
     if (!body.deformable || !body.asleep) continue;
     body.asleep = false;
-    update_zone(f.body, sample.pose, {});
+    update_zone(f.body, sample, {});
     body.compliance->update(body.state);
     compute_free_motion(body, settings_.h);
   }
@@ -216,7 +227,20 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
 
-void World::compliance_of_patch(const Pose& X, CondensedProblem& problem, StepReport& report) {
+void World::cover(int b, const InstrumentSample& sample, std::span<const int> nodes, StepReport& report) {
+  Body& body = bodies_[b];
+  if (body.compliance->zone_covers(nodes)) return;
+  // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
+  // a base there and meanwhile pay for a half solve per node.
+  update_zone(b, sample, nodes);
+  if (body.compliance->zone_covers(nodes))
+    body.compliance->update(body.state);
+  else
+    for (const int n : nodes) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
+}
+
+void World::compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem,
+                                StepReport& report) {
   const auto nodes = gatherer_.nodes();
   problem.C().setZero();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -228,15 +252,7 @@ void World::compliance_of_patch(const Pose& X, CondensedProblem& problem, StepRe
       }
     if (of_body.empty()) continue;
     Body& body = bodies_[b];
-    if (!body.compliance->zone_covers(of_body)) {
-      // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
-      // a base there and meanwhile pay for a half solve per node.
-      update_zone(static_cast<int>(b), X, of_body);
-      if (body.compliance->zone_covers(of_body))
-        body.compliance->update(body.state);
-      else
-        for (const int n : of_body) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
-    }
+    cover(static_cast<int>(b), sample, of_body, report);
     const int n = static_cast<int>(of_body.size());
     block_.resize(3 * n, 3 * n);
     body.compliance->patch(of_body, block_);
@@ -256,7 +272,7 @@ void World::report_compliance(StepReport& report) {
   }
 }
 
-void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
+void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   if (sample.present) {
     ContactOptions options;
     options.linearisations = 3;
@@ -269,23 +285,42 @@ void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& 
   }
 
   const ContactRows& rows = scratch_->rows;
-  const bool usable = report.contact.status == SolveStatus::solved || report.contact.residual < usable_residual;
+  patch_force_.setZero(3 * static_cast<Eigen::Index>(gatherer_.nodes().size()));
+  for (int i = 0; usable(report.contact) && i < rows.contacts; ++i) {
+    const PatchSample& s = problem.sample[rows.row[i].sample];
+    if (s.node[0] < 0) continue;
+    Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
+    for (int t = 1; t < rows.rows_per_contact; ++t)
+      force += scratch_->lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
+    for (int c = 0; c < 3; ++c) patch_force_.segment<3>(3 * s.node[c]) += s.weight[c] * force;
+  }
+}
+
+void World::correct_bodies() {
+  const auto nodes = gatherer_.nodes();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
     contact_force_.setZero(3 * body.model.node_count());
-    bool touched = false;
-    for (int i = 0; usable && i < rows.contacts; ++i) {
-      const PatchSample& s = problem.sample[rows.row[i].sample];
-      if (s.node[0] < 0 || gatherer_.nodes()[s.node[0]].body != static_cast<int>(b)) continue;
-      Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
-      for (int t = 1; t < rows.rows_per_contact; ++t)
-        force += scratch_->lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
-      for (int c = 0; c < 3; ++c)
-        contact_force_.segment<3>(3 * gatherer_.nodes()[s.node[c]].node) += s.weight[c] * force;
-      touched = touched || force.squaredNorm() > 0;
-    }
-    correct(body, touched ? &contact_force_ : nullptr, settings_.h);
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      if (nodes[i].body == static_cast<int>(b))
+        contact_force_.segment<3>(3 * nodes[i].node) +=
+            patch_force_.segment<3>(3 * static_cast<Eigen::Index>(i));
+    if (contacts_.any()) contacts_.add_forces(static_cast<int>(b), contact_force_);
+    correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h);
+  }
+}
+
+void World::put_to_sleep() {
+  std::vector<std::uint8_t> still(bodies_.size(), 1);
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (bodies_[b].deformable) still[b] = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    if (!bodies_[b].deformable) continue;
+    bodies_[b].asleep = still[b];
+    for (std::size_t c = 0; still[b] && contacts_.any() && c < bodies_.size(); ++c)
+      if (!still[c] && contacts_.touching(static_cast<int>(b), static_cast<int>(c)))
+        bodies_[b].asleep = false;
   }
 }
 
