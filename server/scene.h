@@ -13,6 +13,7 @@
 #include "physics/compliance/compliance.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
+#include "physics/simulation/encounters.h"
 #include "physics/simulation/removal.h"
 #include "physics/tissue/material.h"
 #include "physics/tissue/mesh.h"
@@ -42,6 +43,7 @@ struct Scene {
   double sample_spacing = 0;       // of material sample points [m]
   Vec3 gravity = Vec3::Zero();
   std::vector<SceneBody> bodies;
+  std::vector<ContactPair> contacts;  // bodies that touch one another, by index
   Instrument instrument;
   VirtualCoupling coupling;
   RemovalSettings removal;

@@ -1,6 +1,7 @@
 #include "server/scene_bodies.h"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 #include "server/mesh_reader.h"
@@ -167,6 +168,30 @@ SceneBody read_body(const YamlMap& yaml) {
                          "; or say floating: true)");
   if (!floating) body.fixed_nodes = read_fixed_nodes(yaml, body.mesh);
   return body;
+}
+
+ContactPair read_contact(const YamlMap& yaml, const std::vector<SceneBody>& bodies) {
+  yaml.only({"between", "friction"});
+  const std::vector<std::string> named = yaml.texts("between");
+  if (named.size() != 2) throw yaml.error("between", "names two bodies: [nodes of this, faces of that]");
+  std::array<int, 2> index{};
+  for (int k = 0; k < 2; ++k) {
+    const auto found =
+        std::find_if(bodies.begin(), bodies.end(), [&](const SceneBody& b) { return b.name == named[k]; });
+    if (found == bodies.end()) {
+      std::vector<std::string> names;
+      for (const SceneBody& b : bodies) names.push_back(b.name);
+      const std::string hint = did_you_mean(named[k], names);
+      throw yaml.error("between", "there is no body '" + named[k] + "' (" + (hint.empty() ? "" : hint + " ") +
+                                      "there are: " + listed(names) + ")");
+    }
+    index[k] = static_cast<int>(found - bodies.begin());
+  }
+  if (index[0] == index[1])
+    throw yaml.error("between", "names '" + named[0] + "' twice: a body does not touch itself here");
+  if (bodies[index[0]].kind == BodyKind::rigid && bodies[index[1]].kind == BodyKind::rigid)
+    throw yaml.error("between", "neither body can move: both are fixed obstacles");
+  return {index[0], index[1], yaml.number("friction", friction, 0)};
 }
 
 Instrument read_instrument(const YamlMap& yaml) {

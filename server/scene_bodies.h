@@ -1,4 +1,5 @@
-// The parts of a scene file that describe things: bodies and the instrument (scene_reader.h).
+// The parts of a scene file that describe things: bodies, which of them touch, and the instrument
+// (scene_reader.h).
 #pragma once
 
 #include "server/scene.h"
@@ -7,6 +8,9 @@
 namespace hapticd {
 
 SceneBody read_body(const YamlMap& yaml);
+// One entry of `contacts`: the first body's surface nodes against the second's faces.
+ContactPair read_contact(const YamlMap& yaml, const std::vector<SceneBody>& bodies);
+
 Instrument read_instrument(const YamlMap& yaml);
 
 }  // namespace hapticd

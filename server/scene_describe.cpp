@@ -81,6 +81,9 @@ std::string describe(const Scene& scene) {
   line(out, "contact    alarm distance %.2f mm, samples %.2f mm apart", 1e3 * scene.alarm_distance,
        1e3 * scene.sample_spacing);
   for (const SceneBody& body : scene.bodies) describe_body(out, body);
+  for (const ContactPair& pair : scene.contacts)
+    line(out, "touching   nodes of %s on faces of %s, friction %.3g", scene.bodies[pair.points].name.c_str(),
+         scene.bodies[pair.faces].name.c_str(), pair.friction);
   line(out, "instrument %zu primitives", scene.instrument.primitives.size());
   for (std::size_t i = 0; i < scene.instrument.primitives.size(); ++i)
     describe_primitive(out, scene.instrument.primitives[i], static_cast<int>(i) == scene.instrument.tip);

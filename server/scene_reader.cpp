@@ -87,8 +87,8 @@ void read_mapping(const YamlMap& yaml, DeviceSettings& device) {
 
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
-  yaml.only({"scene", "simulation", "gravity", "bodies", "instrument", "removal", "device", "mapping",
-             "trajectory"});
+  yaml.only({"scene", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "device",
+             "mapping", "trajectory"});
   Scene scene;
   scene.file = file;
   scene.name = yaml.text("scene");
@@ -102,6 +102,14 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
         throw entry.error("name", "'" + body.name + "' is another body's name already");
     scene.bodies.push_back(std::move(body));
   }
+  if (yaml.has("contacts"))
+    for (const YamlMap& entry : yaml.maps("contacts")) {
+      const ContactPair pair = read_contact(entry, scene.bodies);
+      for (const ContactPair& other : scene.contacts)
+        if (other.points == pair.points && other.faces == pair.faces)
+          throw entry.error("between", "this pair stands there already");
+      scene.contacts.push_back(pair);
+    }
 
   const YamlMap instrument = yaml.map("instrument");
   instrument.only({"primitives", "tip", "coupling"});

@@ -27,6 +27,7 @@ std::unique_ptr<World> make_world(const Scene& scene) {
   settings.compliance_options.sample_every = error_sample_every;
   settings.coupling = scene.coupling;
   settings.removal = scene.removal;
+  settings.body_contact.pairs = scene.contacts;
   return std::make_unique<World>(std::move(bodies), scene.instrument, settings);
 }
 

@@ -90,8 +90,8 @@ Vec3 solve_coulomb_contact(const Mat3& A, const Vec3& b, double mu) noexcept {
 
 Vec3 project_on_cone(const Vec3& v, double mu) noexcept {
   const double t = v.tail<2>().norm();
-  if (t <= mu * v[0]) return v;
   if (mu * t <= -v[0]) return Vec3::Zero();
+  if (t <= mu * v[0]) return v;
   const double n = (v[0] + mu * t) / (1 + mu * mu);
   const double scale = t > 0 ? mu * n / t : 0;
   return {n, scale * v[1], scale * v[2]};

@@ -1,9 +1,12 @@
 #include "physics/simulation/body.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 namespace hapticd {
 namespace {
+
+constexpr double sleeping_speed = 1e-5;  // [m/s]
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
   if (s.deformable) return make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
@@ -40,11 +43,16 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       surface(model.mesh),
       rest(model.mesh.nodes) {
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
+  edge = mean_edge(model.mesh);
   if (!deformable) return;
   compliance = make_compliance(method, model, h, options);
-  edge = mean_edge(model.mesh);
   dx_free = VecX::Zero(3 * model.node_count());
   scratch = dx_free;
+}
+
+bool at_rest(const Body& body) {
+  return std::all_of(body.state.v.begin(), body.state.v.end(),
+                     [](const Vec3& v) { return v.squaredNorm() < sleeping_speed * sleeping_speed; });
 }
 
 void compute_free_motion(Body& body, double h) {

@@ -46,17 +46,19 @@ struct Body {
   bool base_under_way = false;
   int base_steps = 0;
   int last_base_steps = 2;
-  double edge = 0;               // mean length of the tetrahedra's edges at rest [m]
+  double edge = 0;  // mean length of the tetrahedra's edges at rest [m]
 
   Body(BodySettings settings, double h, const Vec3& gravity,
-       ComplianceMethod method = ComplianceMethod::exact,
-       const ComplianceOptions& options = {});
+       ComplianceMethod method = ComplianceMethod::exact, const ComplianceOptions& options = {});
   Body(const Body&) = delete;
   Body& operator=(const Body&) = delete;
 };
 
 // The compliance refers to its body's model, so bodies never move.
 using Bodies = std::deque<Body>;
+
+// No node is faster than 10 µm/s.
+bool at_rest(const Body& body);
 
 // Δx_free at the present state, with the factor the compliance holds.
 void compute_free_motion(Body& body, double h);

@@ -2,24 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 namespace hapticd {
 namespace {
 
-constexpr double sleeping_speed = 1e-5;  // [m/s]
-constexpr double zone_keep = 1.15;       // in alarm distances: every node this near must be in the zone
-constexpr double zone_reach = 1.6;       // … and a new zone reaches this far
 constexpr std::size_t max_zone_nodes = 200;
-constexpr double longest_lead = 0.3;      // [s] a base in the making looks ahead by no more
-constexpr int rest_between_bases = 2;     // steps
-constexpr double contact_margin = 0.25;   // in alarm distances: rows for gaps below it, renewed in each solve
-constexpr double usable_residual = 1e-3;  // a worse contact solve moves nothing; the next step repairs
-
-bool at_rest(const Body& body) {
-  return std::all_of(body.state.v.begin(), body.state.v.end(),
-                     [](const Vec3& v) { return v.squaredNorm() < sleeping_speed * sleeping_speed; });
-}
+constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
+constexpr int rest_between_bases = 2;  // steps
 
 bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
@@ -32,7 +23,12 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
       instrument_(std::make_unique<Instrument>(std::move(instrument))),
       collision_(*instrument_, settings.alarm_distance),
       gatherer_(settings.sample_spacing),
-      scratch_(std::make_unique<ContactScratch>()) {
+      scratch_(std::make_unique<ContactScratch>()),
+      contacts_(settings.body_contact, settings.h) {
+  for (const ContactPair& p : contacts_.pairs())
+    if (std::min(p.points, p.faces) < 0 || std::max(p.points, p.faces) >= static_cast<int>(bodies.size()) ||
+        p.points == p.faces)
+      throw std::invalid_argument("a contact pair names two of the bodies");
   rebases_ = settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
   if (rebases_) {
     last_problem_ = std::make_unique<CondensedProblem>();
@@ -57,12 +53,17 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     if (bodies_[b].deformable && !bodies_[b].asleep)
       collision_.refit(static_cast<int>(b), bodies_[b].state.x);
   wake(sample);
+  if (!contacts_.empty()) find_body_contacts();
   factor_and_free_motion(sample, report);
 
   sample = latest();
   gather(sample, problem);
-  compliance_of_patch(sample.pose, problem, report);
-  solve_and_correct(sample, problem, report);
+  compliance_of_patch(sample, problem, report);
+  if (contacts_.empty())
+    solve_instrument(sample, problem, report);
+  else
+    solve_together(sample, problem, report);
+  correct_bodies();
 
   for (Body& body : bodies_)
     if (body.deformable && !body.asleep) {
@@ -70,11 +71,10 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
       compute_free_motion(body, settings_.h);
     }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  if (contacts_.any()) condense_bodies(problem, report);
   if (rebases_) *last_problem_ = problem;
   report_compliance(report);
-  for (std::size_t b = 0; b < bodies_.size(); ++b)
-    if (bodies_[b].deformable)
-      bodies_[b].asleep = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
+  put_to_sleep();
   removed_ += report.removed;
   return report;
 }
@@ -108,6 +108,11 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
       report.removed += gone;
       topology_changed_ = true;
       collision_.set_surface(static_cast<int>(b), body.surface.faces(), body.state.x);
+      contacts_.surface_changed(static_cast<int>(b));
+      // What lay on it may have nothing to lie on now.
+      for (const ContactPair& p : contacts_.pairs())
+        if (p.points == static_cast<int>(b) || p.faces == static_cast<int>(b))
+          bodies_[p.points].asleep = bodies_[p.faces].asleep = false;
     }
   }
 }
@@ -152,8 +157,7 @@ void World::wake(const InstrumentSample& sample) {
   for (const NearFace& f : near_) bodies_[f.body].asleep = false;
 }
 
-void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) {
-  Body& body = bodies_[b];
+std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const Pose& X) const {
   // A base made elsewhere comes into use when it is adopted, and until the next is: its zone is where the
   // instrument will be between then, and it is asked for as long before the present one ends. It reaches an
   // edge farther, for the corners of faces that only just come near.
@@ -176,34 +180,43 @@ void World::update_zone(int b, const Pose& X, std::span<const int> patch_nodes) 
     return gap[n] < bound + (pose.p - adopted.p).norm() &&
            gap_at(*instrument_, pose, body.state.x[n]).distance < bound;
   };
-  std::vector<std::uint8_t> on_surface(nodes, 0), must_be_in(nodes, 0);
+  std::vector<std::uint8_t> on_surface(nodes, 0), needed(nodes, 0);
   for (const SurfaceFace& face : body.surface.faces()) {
     for (const int n : face.nodes) on_surface[n] = 1;
     if (std::any_of(face.nodes.begin(), face.nodes.end(),
                     [&](int n) { return gap[n] < near || (rebases_ && is_below(near, X, n)); }))
-      for (const int n : face.nodes) must_be_in[n] = 1;
+      for (const int n : face.nodes) needed[n] = 1;
   }
-  std::vector<std::pair<double, int>> wanted;
+  std::vector<ZoneNode> wanted;
   for (int n = 0; n < body.model.node_count(); ++n) {
     double least = gap[n];
     if (rebases_ && is_below(std::min(reach, least), replaced, n))
       least = gap_at(*instrument_, replaced, body.state.x[n]).distance;
     // Of nodes alike near, those of the surface come first: they are what patches are made of.
-    if (least < reach) wanted.emplace_back(least + (on_surface[n] ? 0 : body.edge), n);
+    if (least < reach) wanted.push_back({least + (on_surface[n] ? 0 : body.edge), n, needed[n] != 0});
   }
-  std::sort(wanted.begin(), wanted.end());
+  std::sort(wanted.begin(), wanted.end(), [](const ZoneNode& a, const ZoneNode& b) {
+    return a.distance != b.distance ? a.distance < b.distance : a.node < b.node;
+  });
   if (wanted.size() > max_zone_nodes) wanted.resize(max_zone_nodes);
+  return wanted;
+}
 
+void World::update_zone(int b, const InstrumentSample& sample, std::span<const int> nodes) {
+  Body& body = bodies_[b];
   // Nearest first: the patch of the nodes named first is the cheapest.
-  std::vector<int> zone(patch_nodes.begin(), patch_nodes.end());
-  std::vector<std::uint8_t> inside(nodes, 0);
+  std::vector<int> zone(nodes.begin(), nodes.end());
+  std::vector<std::uint8_t> inside(body.state.x.size(), 0);
   for (int n : zone) inside[n] = 1;
   std::vector<int> must(zone);
-  for (const auto& [distance, n] : wanted) {
+  const auto add = [&](int n, bool needed) {
     if (!inside[n]) zone.push_back(n);
     inside[n] = 1;
-    if (must_be_in[n]) must.push_back(n);
-  }
+    if (needed) must.push_back(n);
+  };
+  if (sample.present)
+    for (const ZoneNode& wanted : zone_at_instrument(body, sample.pose)) add(wanted.node, wanted.needed);
+  for (const int n : contacts_.nodes_of(b)) add(n, true);
   const bool covered = body.compliance->zone_covers(must);
   if (!covered) body.base_wanted = true;
   // A zone for the next base may follow the instrument at every step; one that is factored here may not.
@@ -214,7 +227,8 @@ void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& r
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
-    if (sample.present) update_zone(static_cast<int>(b), sample.pose, {});
+    if (sample.present || !contacts_.nodes_of(static_cast<int>(b)).empty())
+      update_zone(static_cast<int>(b), sample, {});
     body.compliance->update(body.state);
     compute_free_motion(body, settings_.h);
     ++report.awake_bodies;
@@ -235,7 +249,7 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
     Body& body = bodies_[f.body];
     if (!body.deformable || !body.asleep) continue;
     body.asleep = false;
-    update_zone(f.body, sample.pose, {});
+    update_zone(f.body, sample, {});
     body.compliance->update(body.state);
     compute_free_motion(body, settings_.h);
   }
@@ -243,7 +257,20 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
 
-void World::compliance_of_patch(const Pose& X, CondensedProblem& problem, StepReport& report) {
+void World::cover(int b, const InstrumentSample& sample, std::span<const int> nodes, StepReport& report) {
+  Body& body = bodies_[b];
+  if (body.compliance->zone_covers(nodes)) return;
+  // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
+  // a base there and meanwhile pay for a half solve per node.
+  update_zone(b, sample, nodes);
+  if (body.compliance->zone_covers(nodes))
+    body.compliance->update(body.state);
+  else
+    for (const int n : nodes) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
+}
+
+void World::compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem,
+                                StepReport& report) {
   const auto nodes = gatherer_.nodes();
   problem.C().setZero();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -255,15 +282,7 @@ void World::compliance_of_patch(const Pose& X, CondensedProblem& problem, StepRe
       }
     if (of_body.empty()) continue;
     Body& body = bodies_[b];
-    if (!body.compliance->zone_covers(of_body)) {
-      // The instrument outran the zone within one step: factor again with the zone where it is now, or ask
-      // for a base there and meanwhile pay for a half solve per node.
-      update_zone(static_cast<int>(b), X, of_body);
-      if (body.compliance->zone_covers(of_body))
-        body.compliance->update(body.state);
-      else
-        for (const int n : of_body) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
-    }
+    cover(static_cast<int>(b), sample, of_body, report);
     const int n = static_cast<int>(of_body.size());
     block_.resize(3 * n, 3 * n);
     body.compliance->patch(of_body, block_);
@@ -298,7 +317,7 @@ Vec3 World::force_of_last_problem(const InstrumentSample& sample) {
       .wrench.head<3>();
 }
 
-void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
+void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   if (sample.present) {
     const bool compares =
         last_problem_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
@@ -312,24 +331,42 @@ void World::solve_and_correct(const InstrumentSample& sample, CondensedProblem& 
   }
 
   const ContactRows& rows = scratch_->rows;
-  const bool usable =
-      report.contact.status == SolveStatus::solved || report.contact.residual < usable_residual;
+  patch_force_.setZero(3 * static_cast<Eigen::Index>(gatherer_.nodes().size()));
+  for (int i = 0; usable(report.contact) && i < rows.contacts; ++i) {
+    const PatchSample& s = problem.sample[rows.row[i].sample];
+    if (s.node[0] < 0) continue;
+    Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
+    for (int t = 1; t < rows.rows_per_contact; ++t)
+      force += scratch_->lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
+    for (int c = 0; c < 3; ++c) patch_force_.segment<3>(3 * s.node[c]) += s.weight[c] * force;
+  }
+}
+
+void World::correct_bodies() {
+  const auto nodes = gatherer_.nodes();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
     contact_force_.setZero(3 * body.model.node_count());
-    bool touched = false;
-    for (int i = 0; usable && i < rows.contacts; ++i) {
-      const PatchSample& s = problem.sample[rows.row[i].sample];
-      if (s.node[0] < 0 || gatherer_.nodes()[s.node[0]].body != static_cast<int>(b)) continue;
-      Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
-      for (int t = 1; t < rows.rows_per_contact; ++t)
-        force += scratch_->lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
-      for (int c = 0; c < 3; ++c)
-        contact_force_.segment<3>(3 * gatherer_.nodes()[s.node[c]].node) += s.weight[c] * force;
-      touched = touched || force.squaredNorm() > 0;
-    }
-    correct(body, touched ? &contact_force_ : nullptr, settings_.h);
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      if (nodes[i].body == static_cast<int>(b))
+        contact_force_.segment<3>(3 * nodes[i].node) +=
+            patch_force_.segment<3>(3 * static_cast<Eigen::Index>(i));
+    if (contacts_.any()) contacts_.add_forces(static_cast<int>(b), contact_force_);
+    correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h);
+  }
+}
+
+void World::put_to_sleep() {
+  std::vector<std::uint8_t> still(bodies_.size(), 1);
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (bodies_[b].deformable) still[b] = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    if (!bodies_[b].deformable) continue;
+    bodies_[b].asleep = still[b];
+    for (std::size_t c = 0; still[b] && contacts_.any() && c < bodies_.size(); ++c)
+      if (!still[c] && contacts_.touching(static_cast<int>(b), static_cast<int>(c)))
+        bodies_[b].asleep = false;
   }
 }
 

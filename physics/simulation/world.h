@@ -4,13 +4,15 @@
 //   2  rotations, A(u), factor, free motion                      (per awake body)
 //   3  latch the newest instrument pose, gather the patch, C_pp
 //   4  contact solve with its geometry renewed three times       δ = W λ + δ_free
+//      (with bodies that touch one another: in one solve with theirs, world_contact.cpp)
 //   5  correct: Δx = Δx_free + C Hᵀλ
 //   6  fresh: f_int and free motion at the new state, same factor
 //   7  fill the condensed problem                                (the caller publishes it)
 //
 // The pose is latched after the factor, and free motion is published fresh, because a start-of-step
 // pose and a step-old free motion cost most of the accuracy there is (haptic/README.md).
-// A deformable body that is at rest and out of reach sleeps: its step costs nothing.
+// A deformable body that is at rest and out of reach, and touches none that moves, sleeps: its step costs
+// nothing, and what touches it then finds an obstacle, for one step if it moves.
 // Units: SI. Shapes: see condensed_problem.h. Errors: std::runtime_error from the factor of a singular
 // body. Source: the paper §2 and Fig. 2; departures: published patch, newest pose, fresh free motion.
 #pragma once
@@ -21,6 +23,7 @@
 
 #include "physics/contact/contact_solve.h"
 #include "physics/simulation/body.h"
+#include "physics/simulation/body_contact.h"
 #include "physics/simulation/collision.h"
 #include "physics/simulation/patch.h"
 #include "physics/simulation/removal.h"
@@ -37,10 +40,11 @@ struct WorldSettings {
   RemovalSettings removal;
   ComplianceMethod compliance = ComplianceMethod::exact;
   ComplianceOptions compliance_options;
+  BodyContactSettings body_contact;  // which bodies touch one another; none by default
 };
 
-// A new base that a body's compliance wants: `base->make()` is to be called, on any thread, and the job handed
-// back to `World::adopt`, `failed` if that threw.
+// A new base that a body's compliance wants: `base->make()` is to be called, on any thread, and the job
+// handed back to `World::adopt`, `failed` if that threw.
 struct BaseJob {
   int body = 0;
   std::unique_ptr<ComplianceBase> base;
@@ -64,14 +68,21 @@ struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
   int fragments_aspirated = 0;
   int awake_bodies = 0;
-  int bases_adopted = 0;   // since the step before
-  int uncovered_nodes = 0; // patch nodes outside their compliance's zone: right, but slow
+  int bases_adopted = 0;    // since the step before
+  int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
   // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing one
   // over for the other does to the force. Of methods that keep bases, in steps with a new base or a removal.
   double handover_jump = 0;
+  BodyContactReport body_contact;
   std::vector<BodyReport> compliance;  // of awake bodies
 };
+
+// Rows of the instrument exist for gaps below this, in alarm distances; they are renewed in each solve.
+inline constexpr double contact_margin = 0.25;
+
+// A worse contact solve moves nothing; the next step repairs.
+inline bool usable(const ContactSolution& s) { return s.status == SolveStatus::solved || s.residual < 1e-3; }
 
 class World {
  public:
@@ -86,23 +97,47 @@ class World {
   std::vector<BaseJob> wanted_bases();
   void adopt(BaseJob job);
 
+  // The problem that the last step published, at another pose and with no contact of the bodies frozen: what
+  // the condensed problem approximates. Changes nothing that a step would see but warm starts.
+  ContactSolution solve_unfrozen(const InstrumentSample& sample, const CondensedProblem& published);
+
   const Bodies& bodies() const { return bodies_; }
+  const BodyContacts& contacts() const { return contacts_; }
   const Instrument& instrument() const { return *instrument_; }
   std::uint64_t steps() const { return steps_; }
   int removed() const { return removed_; }
 
  private:
   void remove_at_tip(const InstrumentSample& sample, StepReport& report);
-  void update_zone(int body, const Pose& X, std::span<const int> patch_nodes);
+  struct ZoneNode {
+    double distance;  // [m]
+    int node;
+    bool needed;  // the present zone has to cover it
+  };
+  std::vector<ZoneNode> zone_at_instrument(const Body& body, const Pose& X) const;
+  void update_zone(int body, const InstrumentSample& sample, std::span<const int> nodes);
+  void cover(int body, const InstrumentSample& sample, std::span<const int> nodes, StepReport& report);
   void follow_instrument(const InstrumentSample& sample);
   void wake(const InstrumentSample& sample);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem);
-  void compliance_of_patch(const Pose& X, CondensedProblem& problem, StepReport& report);
+  void compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   void report_compliance(StepReport& report);
   ContactOptions contact_options() const;
   Vec3 force_of_last_problem(const InstrumentSample& sample);
-  void solve_and_correct(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+  void solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+  void correct_bodies();
+  void put_to_sleep();
+
+  // Bodies against bodies: world_contact.cpp.
+  void find_body_contacts();
+  void solve_together(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+  void begin_solve(const InstrumentSample& sample, StepReport& report);
+  void solve_both(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+  void predict_end(int body);
+  void wake_touched(const InstrumentSample& sample);
+  void condense_bodies(CondensedProblem& problem, StepReport& report);
+  VecX remembered_force(const CondensedProblem& problem) const;
 
   WorldSettings settings_;
   std::unique_ptr<Instrument> instrument_;  // Collision refers to it
@@ -115,12 +150,15 @@ class World {
   std::unique_ptr<ContactScratch> scratch_;
   std::vector<NearFace> near_;
   MatX block_;
+  VecX patch_force_;  // of the instrument on the patch's nodes [N]
   VecX contact_force_;
+  BodyContacts contacts_;
+  std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
   double removal_budget_ = 0;
   int removed_ = 0;
   bool topology_changed_ = false;
-  bool rebases_ = false;         // the method keeps bases that others make
-  Vec3 velocity_ = Vec3::Zero(); // of the instrument [m/s]
+  bool rebases_ = false;          // the method keeps bases that others make
+  Vec3 velocity_ = Vec3::Zero();  // of the instrument [m/s]
   Vec3 last_position_ = Vec3::Zero();
   bool was_present_ = false;
   int bases_adopted_ = 0;

@@ -69,7 +69,7 @@ class CheckCommand : public testing::Test {
 };
 
 TEST_F(CheckCommand, AcceptsTheShippedScenes) {
-  for (const char* name : {"cube/cube.yaml", "cataract/cataract.yaml"}) {
+  for (const char* name : {"cube/cube.yaml", "cataract/cataract.yaml", "fragment/fragment.yaml"}) {
     const Answer answer = check(fs::path(SOURCE_DIR) / "config/scenes" / name);
     EXPECT_EQ(answer.code, 0) << answer.text;
     EXPECT_NE(answer.text.find("tetrahedra"), std::string::npos);

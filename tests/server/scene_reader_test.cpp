@@ -167,6 +167,38 @@ TEST_F(SceneFile, MissingThings) {
   EXPECT_TRUE(read(with(good_scene, "fixed: bottom", "floating: true")).bodies[0].fixed_nodes.empty());
 }
 
+// A second body, and a list of contacts in front of the instrument.
+TEST_F(SceneFile, ContactsBetweenBodies) {
+  const std::string two = with(good_scene, "instrument:\n",
+                               "  - name: wall\n    kind: rigid\n    mesh: tiny_41_ascii.msh\n"
+                               "contacts:\n  - between: [block, wall]\n    friction: 0.3\ninstrument:\n");
+  const Scene scene = read(two);
+  ASSERT_EQ(scene.contacts.size(), 1u);
+  EXPECT_EQ(scene.contacts[0].points, 0);
+  EXPECT_EQ(scene.contacts[0].faces, 1);
+  EXPECT_EQ(scene.contacts[0].friction, 0.3);
+  EXPECT_NE(describe(scene).find("nodes of block on faces of wall"), std::string::npos);
+
+  const auto refused = [&](const std::string& old, const std::string& replacement, const std::string& key,
+                           const std::string& words) {
+    SCOPED_TRACE(replacement);
+    try {
+      read(with(two, old, replacement));
+      ADD_FAILURE() << "was accepted";
+    } catch (const InputError& e) {
+      EXPECT_EQ(e.key(), key);
+      EXPECT_GE(e.line(), 20) << e.what();
+      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
+    }
+  };
+  refused("[block, wall]", "[block, wal]", "contacts[0].between", "did you mean 'wall'?");
+  refused("[block, wall]", "block", "contacts[0].between", "two bodies");
+  refused("[block, wall]", "[block, block]", "contacts[0].between", "twice");
+  refused("friction: 0.3", "friction: -0.3", "contacts[0].friction", "");
+  refused("friction: 0.3", "frictoin: 0.3", "contacts[0].frictoin", "friction");
+  refused("friction: 0.3\n", "friction: 0.3\n  - between: [block, wall]\n", "contacts[1].between", "already");
+}
+
 TEST_F(SceneFile, FaultsOfOtherFilesNameThose) {
   const auto fault_of = [&](const std::string& text) -> std::string {
     try {
@@ -187,8 +219,9 @@ TEST_F(SceneFile, FaultsOfOtherFilesNameThose) {
   EXPECT_TRUE(inverted.starts_with("bad.msh:13:$Elements: ")) << inverted;
   EXPECT_NE(inverted.find("inverted"), std::string::npos);
 
-  write("weak.yaml", "device: Weak\nmax_force: 1\nmax_force_rate: 10\nmax_speed: 1\nworkspace_radius: 0.1\n"
-                     "max_stiffness: -5\ndamping: 1\n");
+  write("weak.yaml",
+        "device: Weak\nmax_force: 1\nmax_force_rate: 10\nmax_speed: 1\nworkspace_radius: 0.1\n"
+        "max_stiffness: -5\ndamping: 1\n");
   EXPECT_TRUE(fault_of(with(good_scene, "device: touch", "device: weak.yaml"))
                   .starts_with("weak.yaml:6:max_stiffness"));
 

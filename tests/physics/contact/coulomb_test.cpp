@@ -293,5 +293,10 @@ TEST(Coulomb, CapAndNotFiniteAreStatuses) {
   EXPECT_TRUE(solve(W, q, mu).lambda.isZero(0));
 }
 
+TEST(Coulomb, ProjectionWithoutFrictionAndWithoutTangentIsNeverNegative) {
+  EXPECT_TRUE(project_on_cone(Vec3(-1, 0, 0), 0).isZero(0));
+  EXPECT_EQ(project_on_cone(Vec3(2, 0, 0), 0), Vec3(2, 0, 0));
+}
+
 }  // namespace
 }  // namespace hapticd
