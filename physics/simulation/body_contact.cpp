@@ -339,7 +339,7 @@ void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const doub
   CoulombResult r;
   r.residual = std::numeric_limits<double>::infinity();
   if (mu.size() <= static_cast<std::size_t>(max_contacts))
-    r = solve_coulomb(W, q, mu, lambda, *coulomb_, options);
+    r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
   if (!(r.residual <= CoulombOptions{}.tolerance)) {
     options.max_sweeps = sweeps;
     r = solve_wide_coulomb(W, q, mu, lambda, options);

@@ -8,6 +8,8 @@
 namespace hapticd {
 namespace {
 
+constexpr double zone_keep = 1.15;  // in alarm distances: every node this near must be in the zone
+constexpr double zone_reach = 1.6;  // … and a new zone reaches this far
 constexpr std::size_t max_zone_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps

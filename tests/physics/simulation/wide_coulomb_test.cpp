@@ -40,7 +40,7 @@ TEST(WideCoulomb, AgreesWithTheHapticSolverWhereThatHasRoom) {
     const int n = 1 + trial % 20;
     const Case c = seeded(random, n, 6 * n);
     VecX narrow = VecX::Zero(3 * n), wide = narrow;
-    const CoulombResult a = solve_coulomb(c.W, c.q, c.mu, narrow, *workspace, options);
+    const CoulombResult a = solve_coulomb(c.W, c.q, c.mu, narrow, *workspace, 0, options);
     const CoulombResult b = solve_wide_coulomb(c.W, c.q, c.mu, wide, options);
     EXPECT_LT(b.residual, 1e-8) << trial;
     EXPECT_NEAR(b.residual, coulomb_residual(c.W, c.q, wide, c.mu), 1e-6);
