@@ -45,7 +45,7 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
   m.contacts = small(f.contacts);
   m.active = small(f.active);
   m.dropped = small(f.dropped);
-  m.solver_caps = f.solver_caps;
+  m.solver_caps = small(f.solver_caps);
   return m;
 }
 
