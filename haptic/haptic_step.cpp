@@ -6,7 +6,10 @@ namespace hapticd {
 namespace {
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
-  return {.now_ns = input.now_ns, .presence = input.presence, .taken = input.taken, .sample = input.sample,
+  return {.now_ns = input.now_ns,
+          .presence = input.presence,
+          .taken = input.taken,
+          .sample = input.sample,
           .has_problem = problem && problem->step > 0,
           .problem_published_ns = problem ? problem->published_ns : 0};
 }
@@ -27,8 +30,8 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, H
 }
 
 Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
-                      const DeviceSettings& device, const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
-  const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
+                      const DeviceSettings& device, const HapticOptions& options, double period,
+                      HapticState& s, ForceSample& answer) noexcept {
   const Pose X = to_scene(device, s.watchdog.sample.pose);
   const ContactSolution solution =
       solve_contact(problem, instrument, X, period, options.contact, s.contact, s.scratch);
@@ -74,9 +77,10 @@ ForceSample not_finite(ForceSample answer, HapticState& s) noexcept {
 }  // namespace
 
 ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
-                        const DeviceSettings& device, const HapticOptions& options,
-                        const HapticInput& input, HapticState& s) noexcept {
-  const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
+                        const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
+                        HapticState& s) noexcept {
+  const double period =
+      1e-9 * static_cast<double>(input.period_ns > 0 ? input.period_ns : options.watchdog.period_ns);
   s.solved = false;
 
   // read
@@ -88,7 +92,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
   // compute
   Wrench wrench = s.rendered;
   if (verdict.render == Render::contact)
-    wrench = contact_wrench(*problem, instrument, device, options, s, answer);
+    wrench = contact_wrench(*problem, instrument, device, options, period, s, answer);
   else if (verdict.render == Render::damp)
     wrench = {-device.damping * s.watchdog.velocity, Vec3::Zero()};
   if (!is_finite(wrench)) return not_finite(answer, s);

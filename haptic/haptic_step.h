@@ -24,9 +24,10 @@ struct HapticOptions {
 };
 
 struct HapticInput {
-  std::int64_t now_ns = 0;         // CLOCK_MONOTONIC
+  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
+  std::int64_t period_ns = 0;  // since the previous tick, where ticks come at will; 0: the watchdog's
   Presence presence;
-  bool taken = false;              // `sample` is new
+  bool taken = false;  // `sample` is new
   DeviceSample sample;
 };
 
@@ -37,18 +38,18 @@ struct HapticState {
   ContactScratch scratch;
   Blend blend;
   PassivityState passivity;
-  Render render = Render::zero;    // of the previous tick
-  Wrench rendered;                 // of the previous tick, before gain and limits
-  Wrench sent;                     // of the previous tick
+  Render render = Render::zero;  // of the previous tick
+  Wrench rendered;               // of the previous tick, before gain and limits
+  Wrench sent;                   // of the previous tick
   std::uint64_t tick = 0;
-  std::uint64_t step = 0;          // newest simulation step rendered
-  bool solved = false;             // this tick ran the contact solve
+  std::uint64_t step = 0;  // newest simulation step rendered
+  bool solved = false;     // this tick ran the contact solve
 };
 
 // problem: the newest, or null when there is none yet.
 ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
-                        const DeviceSettings& device, const HapticOptions& options,
-                        const HapticInput& input, HapticState& state) noexcept;
+                        const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
+                        HapticState& state) noexcept;
 
 // Where the simulation should believe the instrument to be after this tick.
 InstrumentInput instrument_input(const DeviceSettings& device, const WatchdogLimits& limits,
