@@ -29,9 +29,20 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, H
   return answer;
 }
 
+// A patch that is not a number would have no gaps, hence no rows: no contact, where there is a fault.
+bool is_finite(const CondensedProblem& problem) noexcept {
+  for (int n = 0; n < problem.nodes; ++n)
+    if (!problem.x_free[static_cast<std::size_t>(n)].allFinite()) return false;
+  return true;
+}
+
+const Wrench no_number{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
+
 Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
                       const DeviceSettings& device, const HapticOptions& options, double period,
                       HapticState& s, ForceSample& answer) noexcept {
+  // Said as NaN, so that it takes the one way that latches.
+  if (!is_finite(problem)) return no_number;
   const Pose X = to_scene(device, s.watchdog.sample.pose);
   const ContactSolution solution =
       solve_contact(problem, instrument, X, period, options.contact, s.contact, s.scratch);
@@ -41,9 +52,8 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   answer.dropped = static_cast<std::uint32_t>(solution.dropped);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
-  // Its wrench is zero then; said again as NaN, so that it takes the one way that latches.
-  if (solution.status == SolveStatus::not_finite)
-    return {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
+  // Its wrench is zero then.
+  if (solution.status == SolveStatus::not_finite) return no_number;
   if (solution.status != SolveStatus::solved) {
     answer.status |= status_solver_cap;
     // A poor iterate may be anything: the last good wrench is held instead.
