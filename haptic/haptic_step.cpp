@@ -7,7 +7,10 @@ namespace hapticd {
 namespace {
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
-  return {.now_ns = input.now_ns, .presence = input.presence, .taken = input.taken, .sample = input.sample,
+  return {.now_ns = input.now_ns,
+          .presence = input.presence,
+          .taken = input.taken,
+          .sample = input.sample,
           .has_problem = problem && problem->step > 0,
           .problem_published_ns = problem ? problem->published_ns : 0};
 }
@@ -31,17 +34,27 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, H
 // The last good wrench, never more: held, then fading.
 Wrench held_wrench(HapticState& s, double period) noexcept {
   constexpr double hold = 10e-3, fade = 90e-3;
-  ++s.unusable;
-  return std::clamp(1 - (s.unusable * period - hold) / fade, 0.0, 1.0) * s.good;
+  s.unusable_for += period;
+  return std::clamp(1 - (s.unusable_for - hold) / fade, 0.0, 1.0) * s.good;
 }
 
+// A patch that is not a number would have no gaps, hence no rows: no contact, where there is a fault.
+bool is_finite(const CondensedProblem& problem) noexcept {
+  for (int n = 0; n < problem.nodes; ++n)
+    if (!problem.x_free[static_cast<std::size_t>(n)].allFinite()) return false;
+  return true;
+}
+
+const Wrench no_number{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
+
 Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
-                      const DeviceSettings& device, const HapticOptions& options, const Deadline& deadline,
-                      HapticState& s, ForceSample& answer) noexcept {
-  const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
+                      const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
+                      double period, HapticState& s, ForceSample& answer) noexcept {
+  // Said as NaN, so that it takes the one way that latches.
+  if (!is_finite(problem)) return no_number;
   const Pose X = to_scene(device, s.watchdog.sample.pose);
   ContactOptions contact = options.contact;
-  contact.deadline = deadline;
+  contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
   const ContactSolution& solution = s.solution = solve_contact(problem, instrument, X, period, contact, s.contact, s.scratch);
   s.solved = true;
@@ -50,9 +63,8 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   answer.dropped = static_cast<std::uint32_t>(solution.dropped);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
-  // Its wrench is zero then; said again as NaN, so that it takes the one way that latches.
-  if (solution.status == SolveStatus::not_finite)
-    return {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
+  // Its wrench is zero then.
+  if (solution.status == SolveStatus::not_finite) return no_number;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   if (solution.status != SolveStatus::solved) {
     answer.status |= status_solver_cap;
@@ -61,7 +73,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   // A poor iterate may be anything.
   if (solution.status != SolveStatus::solved && solution.residual > options.usable_residual)
     return held_wrench(s, period);
-  s.unusable = 0;
+  s.unusable_for = 0;
   s.good = {force_to_device(device, solution.wrench.head<3>()),
             torque_to_device(device, solution.wrench.tail<3>())};
   return s.good;
@@ -76,7 +88,7 @@ ForceSample silence(ForceSample answer, HapticState& s) noexcept {
   s.passivity = {};
   s.render = Render::zero;
   s.rendered = s.sent = s.good = {};
-  s.unusable = 0;
+  s.unusable_for = 0;
   answer.force.setZero();
   answer.torque.setZero();
   return answer;
@@ -91,9 +103,10 @@ ForceSample not_finite(ForceSample answer, HapticState& s) noexcept {
 }  // namespace
 
 ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
-                        const DeviceSettings& device, const HapticOptions& options,
-                        const HapticInput& input, HapticState& s) noexcept {
-  const double period = 1e-9 * static_cast<double>(options.watchdog.period_ns);
+                        const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
+                        HapticState& s) noexcept {
+  const double period =
+      1e-9 * static_cast<double>(input.period_ns > 0 ? input.period_ns : options.watchdog.period_ns);
   s.solved = false;
 
   // read
@@ -105,7 +118,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
   // compute
   Wrench wrench = s.rendered;
   if (verdict.render == Render::contact)
-    wrench = contact_wrench(*problem, instrument, device, options, input.deadline, s, answer);
+    wrench = contact_wrench(*problem, instrument, device, options, input, period, s, answer);
   else if (verdict.render == Render::damp)
     wrench = {-device.damping * s.watchdog.velocity, Vec3::Zero()};
   if (!is_finite(wrench)) return not_finite(answer, s);

@@ -27,7 +27,8 @@ struct HapticOptions {
 };
 
 struct HapticInput {
-  std::int64_t now_ns = 0;  // CLOCK_MONOTONIC
+  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
+  std::int64_t period_ns = 0;  // since the previous tick, where ticks come at will; 0: the watchdog's
   Presence presence;
   bool taken = false;  // `sample` is new
   DeviceSample sample;
@@ -45,7 +46,7 @@ struct HapticState {
   Wrench rendered;               // of the previous tick, before gain and limits
   Wrench sent;                   // of the previous tick
   Wrench good;                   // of the last usable contact solve, as rendered
-  int unusable = 0;              // contact solves since
+  double unusable_for = 0;       // since then [s]
   std::uint32_t caps = 0;        // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
   std::uint64_t step = 0;  // newest simulation step rendered

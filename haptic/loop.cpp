@@ -1,13 +1,19 @@
 #include "haptic/loop.h"
 
+#include <sys/resource.h>
 #include <time.h>
 
 #include <cerrno>
 #include <stdexcept>
 #include <system_error>
 
+#include "haptic/allocation_count.h"
+
 namespace hapticd {
 namespace {
+
+using allocation_count::Mark;
+using allocation_count::Region;
 
 constexpr auto relaxed = std::memory_order_relaxed;
 
@@ -29,6 +35,12 @@ void raise(std::atomic<double>& a, double v) noexcept {
   if (v > a.load(relaxed)) a.store(v, relaxed);
 }
 
+std::int64_t page_faults_of_thread() noexcept {
+  rusage usage{};
+  getrusage(RUSAGE_THREAD, &usage);
+  return usage.ru_minflt + usage.ru_majflt;
+}
+
 }  // namespace
 
 std::int64_t monotonic_ns() noexcept {
@@ -39,9 +51,17 @@ std::int64_t monotonic_ns() noexcept {
 
 HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& device,
                        const HapticOptions& options, DevicePort& port, Channel<CondensedProblem>& problems,
-                       Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history)
-    : instrument_(instrument), device_(device), options_(options), port_(port), problems_(problems),
-      instrument_inputs_(instrument_inputs), history_(history), state_(std::make_unique<HapticState>()) {}
+                       Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history,
+                       const LoopTiming& timing)
+    : instrument_(instrument),
+      device_(device),
+      options_(options),
+      port_(port),
+      problems_(problems),
+      instrument_inputs_(instrument_inputs),
+      history_(history),
+      timing_(timing),
+      state_(std::make_unique<HapticState>()) {}
 
 HapticLoop::~HapticLoop() { stop(); }
 
@@ -62,6 +82,16 @@ void HapticLoop::stop() noexcept {
 }
 
 void HapticLoop::run() noexcept {
+  if (timing_.mode == LoopMode::tick)
+    run_on_grid();
+  else
+    run_on_arrivals();
+  ForceSample last;
+  last.sequence = state_->tick + 1;
+  port_.write(last);
+}
+
+void HapticLoop::run_on_grid() noexcept {
   std::int64_t intended = monotonic_ns() + options_.watchdog.period_ns;
   statistics_.first_ns.store(intended, relaxed);
   while (!stopping_.load(relaxed)) {
@@ -69,17 +99,39 @@ void HapticLoop::run() noexcept {
     tick(intended);
     intended = next_slot(intended);
   }
-  ForceSample last;
-  last.sequence = state_->tick + 1;
-  port_.write(last);
+}
+
+void HapticLoop::run_on_arrivals() noexcept {
+  const std::int64_t period = options_.watchdog.period_ns;
+  std::int64_t last = monotonic_ns();
+  bool arrival = false;
+  statistics_.first_ns.store(last, relaxed);
+  while (!stopping_.load(relaxed)) {
+    const std::int64_t deadline = last + (arrival ? 2 : 1) * period;
+    const std::int64_t arrived = port_.await(deadline);
+    const std::int64_t earliest = arrival ? last + timing_.min_answer_ns : last;
+    arrival = arrived != 0;
+    const std::int64_t intended = arrival ? std::max(arrived, earliest) : deadline;
+    if (arrived != 0 && arrived < earliest) sleep_until(earliest);
+    tick(intended);
+    last = next_slot(intended) - period;
+  }
 }
 
 void HapticLoop::tick(std::int64_t intended) noexcept {
   const std::int64_t woken = monotonic_ns();
+  const Mark ours(Region::haptic);
+  const std::int64_t interval = last_woken_ns_ > 0 ? woken - last_woken_ns_ : 0;
+  last_woken_ns_ = woken;
 
   HapticInput input;
   input.now_ns = woken;
-  input.taken = port_.take(woken, input.sample);
+  if (timing_.mode == LoopMode::event)
+    input.period_ns = std::clamp(interval, std::int64_t{1}, options_.watchdog.period_ns);
+  {
+    const Mark theirs(Region::transport);
+    input.taken = port_.take(woken, input.sample);
+  }
   input.presence = port_.presence();
   problems_.acquire();
   const CondensedProblem* problem = problems_.front().step > 0 ? &problems_.front() : nullptr;
@@ -95,7 +147,10 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   force.wake_ns = woken - intended;
   force.solve_ns = solved - begun;
 
-  port_.write(force);
+  {
+    const Mark theirs(Region::transport);
+    port_.write(force);
+  }
   const std::int64_t written = monotonic_ns();
 
   const WatchdogState& watchdog = state_->watchdog;
@@ -106,7 +161,21 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
 
   if (captures_ && state_->solved) capture(*problem, force);
   statistics_.write.record(written - solved);
+  if (interval > 0) statistics_.interval.record(interval);
   count(force);
+  count_page_faults(force);
+}
+
+// A system call a tick would be felt; seven times a second it is not.
+void HapticLoop::count_page_faults(const ForceSample& force) noexcept {
+  constexpr std::uint64_t every = 128;
+  if (faults_before_ < 0) {
+    if (force.status & status_disarmed) return;
+    faults_before_ = page_faults_of_thread();
+  } else if (state_->tick % every == 0) {
+    statistics_.page_faults.store(static_cast<std::uint64_t>(page_faults_of_thread() - faults_before_),
+                                  relaxed);
+  }
 }
 
 void HapticLoop::capture_into(Channel<ContactCapture>& captures, std::uint64_t every) {

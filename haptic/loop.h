@@ -1,11 +1,15 @@
 // The haptic loop: the one thread and the one clock of this folder.
 //
-//   every 1 ms:  take → haptic_step → write → publish the instrument → count
+//   every 1 ms, or for each state that arrives:  take → haptic_step → write → publish the instrument → count
 //
-// Time: clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME) on the grid t₀ + k T. A tick that ends after
+// Mode `tick`: clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME) on the grid t₀ + k T. A tick that ends after
 // later grid points leaves them out (they are counted as missed) and goes on at the next one: no
 // catch-up bursts. All latencies count from the grid point.
-// Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any;
+// Mode `event`: a tick for each arrival, at least `min_answer_ns` after the one before, so that a flood is
+// answered at 2 kHz and no faster; without arrivals a tick 2 T after the last arrival's (a client at 1 kHz is
+// a little early or late each time) and then each T. A tick's intended time is the arrival, or the end of
+// that wait. The step is told the time since the tick before, at most T: limits per second stay limits per
+// second. Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any;
 // the loop's thread alone reads `problems`, writes `instrument`, pushes to `history` and uses the port.
 // Guarantee: between start and stop the thread allocates nothing, takes no lock of its own and logs
 // nothing; what the port does in take and write is the port's to answer for.
@@ -33,16 +37,26 @@ class DevicePort {
   virtual ~DevicePort() = default;
   // The newest state since the last call, with received_ns set; false: none came.
   virtual bool take(std::int64_t now_ns, DeviceSample& sample) noexcept = 0;
+  // Sleeps until something arrives that the next take will look at, or until `until_ns`: when it arrived, or
+  // 0. Only in mode `event`. May wake for what turns out to be nothing.
+  virtual std::int64_t await(std::int64_t until_ns) noexcept = 0;
   // As of the last take.
   virtual Presence presence() const noexcept = 0;
   virtual void write(const ForceSample& force) noexcept = 0;
+};
+
+enum class LoopMode : std::uint8_t { tick, event };
+
+struct LoopTiming {
+  LoopMode mode = LoopMode::tick;
+  std::int64_t min_answer_ns = 500'000;  // event: between two answers
 };
 
 // One tick for the recording.
 struct ForceRecord {
   std::int64_t time_ns = 0;  // intended
   ForceSample force;
-  Pose device;               // newest valid state, device frame
+  Pose device;  // newest valid state, device frame
   InstrumentInput instrument;
 };
 
@@ -51,7 +65,8 @@ class HapticLoop {
   // Everything referred to must outlive the loop.
   HapticLoop(const Instrument& instrument, const DeviceSettings& device, const HapticOptions& options,
              DevicePort& port, Channel<CondensedProblem>& problems,
-             Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history);
+             Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history,
+             const LoopTiming& timing = {});
   ~HapticLoop();
   HapticLoop(const HapticLoop&) = delete;
   HapticLoop& operator=(const HapticLoop&) = delete;
@@ -69,10 +84,13 @@ class HapticLoop {
 
  private:
   void run() noexcept;
+  void run_on_grid() noexcept;
+  void run_on_arrivals() noexcept;
   void tick(std::int64_t intended_ns) noexcept;
   std::int64_t next_slot(std::int64_t intended_ns) noexcept;
   void count(const ForceSample& force) noexcept;
   void capture(const CondensedProblem& problem, const ForceSample& force) noexcept;
+  void count_page_faults(const ForceSample& force) noexcept;
 
   const Instrument& instrument_;
   const DeviceSettings device_;
@@ -86,7 +104,10 @@ class HapticLoop {
   std::uint64_t solves_ = 0;
   std::uint64_t last_capture_ = 0;  // its tick
   ContactState before_;             // of this tick's solve, where captures are asked for
+  const LoopTiming timing_;
   std::unique_ptr<HapticState> state_;
+  std::int64_t last_woken_ns_ = 0;
+  std::int64_t faults_before_ = -1;  // of this thread when it was first armed; −1: not yet
   LoopStatistics statistics_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;

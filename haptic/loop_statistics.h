@@ -2,10 +2,10 @@
 //
 //   scheduled = run + missed;   answered ≤ run
 //
-// A slot is one intended wake-up. scheduled: slots since the start; run: ticks executed, each sends
-// one force; missed: slots that passed during a late or long tick and are not made up for;
-// deadline_misses: ticks that ended after the next intended wake-up (one such tick may miss many
-// slots); answered: ticks with a new valid device state. Missed slots enter `wake` with the time
+// A slot is one intended wake-up; in mode `event`, one arrival or the fallback's. scheduled: slots since the
+// start; run: ticks executed, each sends one force; missed: slots that passed during a late or long tick and
+// are not made up for; deadline_misses: ticks that ended after the next intended wake-up (one such tick may
+// miss many slots); answered: ticks with a new valid device state. Missed slots enter `wake` with the time
 // that they waited until the tick in their way was over, so a stall cannot hide (no coordinated
 // omission).
 // Thread safety: the loop's thread alone writes; all reads are relaxed and may lag.
@@ -19,6 +19,7 @@ struct LoopStatistics {
   Histogram wake;         // lateness against the intended time
   Histogram solve;        // the whole haptic step, ticks with a contact solve
   Histogram write;        // handing the force to the device port
+  Histogram interval;     // from one tick's beginning to the next's
   Histogram state_age;    // tick − receipt of the state, ticks that answer one
   Histogram problem_age;  // tick − publication, ticks with a problem
 
@@ -26,14 +27,15 @@ struct LoopStatistics {
   std::atomic<std::uint64_t> missed{0};
   std::atomic<std::uint64_t> deadline_misses{0};
   std::atomic<std::uint64_t> answered{0};
-  std::atomic<std::uint64_t> refused{0};         // device states
+  std::atomic<std::uint64_t> refused{0};  // device states
   std::atomic<std::uint64_t> conflicts{0};
-  std::atomic<std::uint64_t> solver_caps{0};     // contact solves that ended at their cap
-  std::atomic<std::uint32_t> status{0};          // of the newest force
-  std::atomic<double> force_peak{0};             // [N]
-  std::atomic<double> penetration_max{0};        // scene, while force is rendered [m]
-  std::atomic<std::int64_t> first_ns{0};         // intended time of the first slot; 0: not begun
-  std::atomic<std::int64_t> next_ns{0};          // intended time of the next slot
+  std::atomic<std::uint64_t> solver_caps{0};  // contact solves that ended at their cap
+  std::atomic<std::uint32_t> status{0};       // of the newest force
+  std::atomic<std::uint64_t> page_faults{0};  // of the loop's thread since it was first armed
+  std::atomic<double> force_peak{0};          // [N]
+  std::atomic<double> penetration_max{0};     // scene, while force is rendered [m]
+  std::atomic<std::int64_t> first_ns{0};      // intended time of the first slot; 0: not begun
+  std::atomic<std::int64_t> next_ns{0};       // intended time of the next slot
 
   std::uint64_t scheduled() const noexcept {
     return run.load(std::memory_order_relaxed) + missed.load(std::memory_order_relaxed);

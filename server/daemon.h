@@ -1,7 +1,7 @@
 // The daemon as one object: what is made, started and stopped, in which order.
 //
-//   scene → world → DDS (before any thread goes SCHED_FIFO) → loops
-//   start: simulation, then haptic, then diagnostics;   stop: haptic first (the device feels zero),
+//   scene → DDS (before any thread goes SCHED_FIFO) → a station per device (station.h): world, loops
+//   start: simulations and haptic loops, then diagnostics;   stop: haptic loop first (the device feels zero),
 //   then simulation, then diagnostics (which drains what they left)
 //
 // Thread safety: one owner thread. Errors: the constructor and start throw std::runtime_error or
@@ -9,19 +9,20 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
-#include "server/device_bridge.h"
-#include "server/realtime.h"
-#include "server/simulation_loop.h"
+#include "server/station.h"
 
 namespace hapticd {
 
 struct DaemonOptions {
   std::uint32_t domain = 0;
-  std::optional<std::filesystem::path> record;
+  LoopMode mode = LoopMode::tick;
+  std::optional<std::filesystem::path> record;  // of the scene's first device
   std::optional<std::filesystem::path> capture;  // a directory for contact problems (haptic/contact_capture.h)
   std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
 };
@@ -35,30 +36,23 @@ class Daemon {
   void start();
   void stop() noexcept;
 
-  bool failed() const noexcept { return simulation_.failed(); }
-  const std::string& failure() const noexcept { return simulation_.failure(); }
+  bool failed() const noexcept;
+  std::string failure() const;
   const std::vector<Grant>& grants() const noexcept { return grants_; }
-  // Figures of the run so far; keys as tools/demo's summary uses them.
+  // Figures of the run so far; keys as tools/demo's summary uses them. The first device's at the top level,
+  // the others' under more_devices.
   nlohmann::json summary() const;
+  const std::vector<std::unique_ptr<Station>>& stations() const noexcept { return stations_; }
 
  private:
   const Scene& scene_;
-  std::unique_ptr<World> world_;
   std::vector<Grant> grants_;
   CpuLatency latency_;
   int realtime_core_;
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;
-  DdsDevicePort port_;
-  Channel<CondensedProblem> problems_;
-  Channel<InstrumentInput> instrument_;
-  Channel<SceneSnapshot> snapshots_;
-  Channel<ContactCapture> captures_;
-  SpscQueue<ForceRecord> history_;
-  SimulationLoop simulation_;
-  HapticLoop haptic_;
-  Diagnostics diagnostics_;
+  std::vector<std::unique_ptr<Station>> stations_;
 };
 
 }  // namespace hapticd

@@ -1,11 +1,29 @@
 #include "server/device_bridge.h"
 
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 
 namespace hapticd {
 namespace {
 
 constexpr std::int64_t silence_ns = 100'000'000;
+
+// Until the word is no longer `value` or the time has come (CLOCK_MONOTONIC); false: the time has come.
+bool wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, std::int64_t until_ns) noexcept {
+  const timespec t{until_ns / 1'000'000'000, until_ns % 1'000'000'000};
+  return syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, value, &t, nullptr, FUTEX_BITSET_MATCH_ANY) ==
+             0 ||
+         errno != ETIMEDOUT;
+}
+
+void wake_one(const std::atomic<std::uint32_t>& word) noexcept {
+  syscall(SYS_futex, &word, FUTEX_WAKE_PRIVATE, 1, nullptr, nullptr, 0);
+}
 
 }  // namespace
 
@@ -49,8 +67,36 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
   return m;
 }
 
-DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id)
-    : device_id_(device_id), reader_(participant), writer_(participant) {}
+DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events)
+    : device_id_(device_id), reader_(participant), writer_(participant) {
+  if (!events) return;
+  const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
+                                                                                 &dds_delete_listener);
+  dds_lset_data_available(listener.get(),
+                          [](dds_entity_t, void* self) { static_cast<DdsDevicePort*>(self)->arrived(); });
+  require(dds_set_listener(reader_.handle(), listener.get()), "the listener for device states");
+}
+
+DdsDevicePort::~DdsDevicePort() {
+  dds_set_listener(reader_.handle(), nullptr);  // waits for a callback that is under way
+}
+
+// Cyclone's receive thread.
+void DdsDevicePort::arrived() noexcept {
+  const std::uint32_t before = arrivals_.load(std::memory_order_relaxed);
+  if (before == taken_.load(std::memory_order_relaxed))
+    arrived_ns_.store(monotonic_ns(), std::memory_order_relaxed);
+  arrivals_.store(before + 1, std::memory_order_release);
+  wake_one(arrivals_);
+}
+
+std::int64_t DdsDevicePort::await(std::int64_t until_ns) noexcept {
+  do {
+    if (arrivals_.load(std::memory_order_acquire) != seen_)
+      return arrived_ns_.load(std::memory_order_relaxed);
+  } while (wait_while(arrivals_, seen_, until_ns));
+  return 0;
+}
 
 // The pinned writer's handle if it is no longer matched, else 0. A writer that is deleted among others
 // changes no instance state, so the list is asked for, but only when the matching changed.
@@ -82,6 +128,9 @@ bool DdsDevicePort::admit(dds_instance_handle_t writer, std::int64_t now_ns) noe
 }
 
 bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
+  // Before the samples are taken: one that comes in between wakes for nothing, and is not slept over.
+  seen_ = arrivals_.load(std::memory_order_acquire);
+  taken_.store(seen_, std::memory_order_relaxed);
   presence_.new_client = presence_.conflict = false;
   const dds_instance_handle_t gone = departed();
   const std::int64_t unix_now = dds_time();

@@ -8,9 +8,12 @@
 // enable false → true to be armed again.
 // received_ns: the client's send time, as DDS stamps it, moved into the interval between the previous
 // take and this one: right to microseconds on one machine, and never beyond one tick elsewhere.
-// Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the
-// first few samples; Cyclone's own locks are held for microseconds by its receive thread, which
-// should therefore run in real time too (dds.h, loopback_realtime).
+// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex, whose
+// time-out is on CLOCK_MONOTONIC (a waitset's is on the wall clock, which may be set back). It is installed
+// only where `events` says so: the fixed tick has no use for it. Thread safety: one thread, the haptic
+// loop's. Guarantee: take and write allocate nothing after the first few samples; Cyclone's own locks are
+// held for microseconds by its receive thread, which should therefore run in real time too (dds.h,
+// loopback_realtime).
 #pragma once
 
 #include "haptic/loop.h"
@@ -23,15 +26,20 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
 
 class DdsDevicePort final : public DevicePort {
  public:
-  DdsDevicePort(const Participant& participant, std::uint32_t device_id);
+  DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events = false);
+  ~DdsDevicePort() override;
 
   bool take(std::int64_t now_ns, DeviceSample& sample) noexcept override;
+  std::int64_t await(std::int64_t until_ns) noexcept override;
   Presence presence() const noexcept override { return presence_; }
   void write(const ForceSample& force) noexcept override;
 
  private:
   static constexpr std::size_t batch = 32;
 
+  static_assert(std::atomic<std::uint32_t>::is_always_lock_free);
+
+  void arrived() noexcept;
   dds_instance_handle_t departed() noexcept;
   bool admit(dds_instance_handle_t writer, std::int64_t now_ns) noexcept;
 
@@ -40,12 +48,16 @@ class DdsDevicePort final : public DevicePort {
   Writer<hapticd_msg_ForceCommand> writer_;
   std::array<hapticd_msg_DeviceState, batch> samples_{};
   std::array<dds_sample_info_t, batch> infos_{};
-  dds_instance_handle_t pinned_ = 0;    // the client's writer; 0: none
+  dds_instance_handle_t pinned_ = 0;  // the client's writer; 0: none
   dds_instance_handle_t last_pinned_ = 0;
-  int writers_ = 0;                     // matched, of any device id
-  std::int64_t heard_ns_ = 0;           // from the client
+  int writers_ = 0;            // matched, of any device id
+  std::int64_t heard_ns_ = 0;  // from the client
   std::int64_t last_take_ns_ = 0;
   Presence presence_;
+  std::uint32_t seen_ = 0;                              // arrivals before the last take
+  alignas(64) std::atomic<std::uint32_t> arrivals_{0};  // written by the receive thread
+  std::atomic<std::int64_t> arrived_ns_{0};             // the first of those not taken
+  std::atomic<std::uint32_t> taken_{0};                 // seen_, as told to the receive thread
 };
 
 }  // namespace hapticd

@@ -72,6 +72,7 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
           {"wake_us", percentiles(s.wake, 1e-3)},
           {"solve_us", percentiles(s.solve, 1e-3)},
           {"write_us", percentiles(s.write, 1e-3)},
+          {"interval_us", percentiles(s.interval, 1e-3)},
           {"state_age_us", percentiles(s.state_age, 1e-3)},
           {"problem_age_ms", percentiles(s.problem_age, 1e-6)},
           {"force_peak_n", s.force_peak.load(relaxed)},
@@ -79,20 +80,27 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
           {"states_rejected", s.refused.load(relaxed)},
           {"conflicts", s.conflicts.load(relaxed)},
           {"solver_caps", s.solver_caps.load(relaxed)},
+          {"page_faults", s.page_faults.load(relaxed)},
           {"wake_histogram", bins(s.wake)},
-          {"solve_histogram", bins(s.solve)}};
+          {"solve_histogram", bins(s.solve)},
+          {"write_histogram", bins(s.write)},
+          {"interval_histogram", bins(s.interval)},
+          {"state_age_histogram", bins(s.state_age)},
+          {"problem_age_histogram", bins(s.problem_age)}};
 }
 
 Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
                          Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
-                         const std::optional<std::filesystem::path>& record)
+                         const std::optional<std::filesystem::path>& record,
+                         const std::optional<DiagnosticsScope>& scope)
     : scene_(scene),
       statistics_(statistics),
       snapshots_(snapshots),
       history_(history),
       status_(participant),
       geometry_(participant),
-      update_(participant) {
+      update_(participant),
+      scope_(scope.value_or(DiagnosticsScope{scene.device.id, true})) {
   if (record) record_.emplace(*record);
 }
 
@@ -122,7 +130,10 @@ void Diagnostics::write_capture_if_new() noexcept {
   }
 }
 
-void Diagnostics::start() {
+void Diagnostics::start(const std::vector<Grant>& grants) {
+  refused_.clear();
+  for (const Grant& g : grants)
+    if (!g.granted) refused_ += (refused_.empty() ? "" : ", ") + g.what;
   thread_ = std::thread([this] {
     name_thread("diagnostics");
     run();
@@ -162,6 +173,7 @@ void Diagnostics::drain() {
 }
 
 void Diagnostics::publish_geometry() {
+  if (!scope_.shows_scene) return;
   for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
     const SceneBody& body = scene_.bodies[i];
     std::vector<float> nodes = flat(body.mesh.nodes);
@@ -180,7 +192,7 @@ void Diagnostics::publish_geometry() {
 
 void Diagnostics::publish_update() {
   const SceneSnapshot& snapshot = snapshots_.front();
-  if (snapshot.step == 0 || snapshot.step == updated_step_) return;
+  if (!scope_.shows_scene || snapshot.step == 0 || snapshot.step == updated_step_) return;
   updated_step_ = snapshot.step;
   for (std::size_t i = 0; i < snapshot.bodies.size(); ++i) {
     const BodySnapshot& body = snapshot.bodies[i];
@@ -207,7 +219,7 @@ void Diagnostics::publish_status() {
   }
   const SceneSnapshot& snapshot = snapshots_.front();
   hapticd_msg_ServerStatus m{};
-  m.device_id = scene_.device.id;
+  m.device_id = scope_.device_id;
   m.step = snapshot.step;
   m.ticks = run;
   m.deadline_misses = statistics_.deadline_misses.load(relaxed);
@@ -220,6 +232,7 @@ void Diagnostics::publish_status() {
   m.rejected_states = static_cast<std::uint32_t>(statistics_.refused.load(relaxed));
   m.conflicts = static_cast<std::uint32_t>(statistics_.conflicts.load(relaxed));
   m.scene = const_cast<char*>(scene_.name.c_str());
+  m.refused = const_cast<char*>(refused_.c_str());
   status_.write(m);
 }
 

@@ -21,14 +21,15 @@
 #include "haptic/loop.h"
 #include "server/dds.h"
 #include "server/force_record.h"
+#include "server/realtime.h"
 #include "server/scene.h"
 
 namespace hapticd {
 
 // A body as the simulation last left it.
 struct BodySnapshot {
-  std::vector<float> nodes;          // 3 per node, present positions [m]; empty for a rigid body
-  std::vector<std::uint8_t> alive;   // 1 bit per tetrahedron, least significant first
+  std::vector<float> nodes;         // 3 per node, present positions [m]; empty for a rigid body
+  std::vector<std::uint8_t> alive;  // 1 bit per tetrahedron, least significant first
 };
 
 // What the simulation thread hands over after a step. Sizes do not change after the first.
@@ -47,20 +48,28 @@ void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>
 
 // The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
 // slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, solve_us, write_us,
-// state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,
-// penetration_max_um, states_rejected, conflicts, solver_caps; wake_histogram, solve_histogram
-// ([[middle of a bin in µs, count], …]).
+// interval_us, state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,
+// penetration_max_um, states_rejected, conflicts, solver_caps, page_faults; wake_histogram and likewise for
+// the others ([[middle of a bin in µs, count], …], so that a caller can subtract two summaries).
 nlohmann::json loop_summary(const LoopStatistics& statistics);
+
+// Whose status is published, and whether the scene is: bodies have one key for all devices.
+struct DiagnosticsScope {
+  std::uint32_t device_id = 0;
+  bool shows_scene = true;
+};
 
 class Diagnostics {
  public:
-  // Everything referred to must outlive the object. record: CSV file to write, if any.
+  // Everything referred to must outlive the object. record: CSV file to write, if any. scope: default, the
+  // scene's first device and the scene.
   Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
               Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
-              const std::optional<std::filesystem::path>& record);
+              const std::optional<std::filesystem::path>& record,
+              const std::optional<DiagnosticsScope>& scope = {});
 
-  // Writes captured contact problems as DIRECTORY/000001.contact and so on, at most `most` of them. Before start.
-  // Throws std::runtime_error where the directory cannot be made.
+  // Writes captured contact problems as DIRECTORY/000001.contact and so on, at most `most` of them. Before
+  // start. Throws std::runtime_error where the directory cannot be made.
   void write_captures(Channel<ContactCapture>& captures, const Instrument& instrument,
                       const std::filesystem::path& directory, int most = 500);
   int captured() const noexcept { return captured_.load(std::memory_order_relaxed); }
@@ -68,7 +77,8 @@ class Diagnostics {
   Diagnostics(const Diagnostics&) = delete;
   Diagnostics& operator=(const Diagnostics&) = delete;
 
-  void start();
+  // grants: what the operating system refused is part of every status.
+  void start(const std::vector<Grant>& grants = {});
   // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
   void stop() noexcept;
 
@@ -95,7 +105,9 @@ class Diagnostics {
   Writer<hapticd_msg_ServerStatus> status_;
   Writer<hapticd_msg_SceneGeometry> geometry_;
   Writer<hapticd_msg_SceneUpdate> update_;
-  std::uint64_t rate_mark_run_ = 0;    // where the present window of the rate began
+  const DiagnosticsScope scope_;
+  std::string refused_;              // "", or what of the real-time set-up is missing
+  std::uint64_t rate_mark_run_ = 0;  // where the present window of the rate began
   std::int64_t rate_mark_ns_ = 0;
   double rate_hz_ = 0;
   std::uint64_t updated_step_ = 0;

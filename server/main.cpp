@@ -22,10 +22,13 @@ constexpr int input_error = 2, run_error = 1;
 struct Arguments {
   std::string scene;
   bool check = false;
+  std::string mode;
+  bool test_hooks = false;
   double duration = 0;
   std::uint32_t domain = 0;
   std::string device, record, capture, json;
   std::uint64_t capture_every = 0;
+  std::vector<std::string> also;
 };
 
 void define(CLI::App& app, Arguments& a) {
@@ -37,12 +40,23 @@ void define(CLI::App& app, Arguments& a) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
   app.add_option("--device", a.device, "Device file or name that replaces the scene's (limits only)");
+  app.add_option(
+      "--also", a.also,
+      "One more device, as the scene's first but with tissue, id and limits of its own; may be repeated");
   app.add_option("--record", a.record, "Write every haptic tick to this CSV file");
   CLI::Option* capture = app.add_option(
       "--capture", a.capture,
       "Write contact problems whose solve ended at a cap into this directory (haptic chart lcp --from)");
   app.add_option("--capture-every", a.capture_every, "... and every N-th one besides")->needs(capture);
-  app.add_option("--json", a.json, "Write the run's figures to this file at the end");
+  app.add_option("--mode", a.mode,
+                 "Instead of the scene's haptic.mode: a force each millisecond (tick), or for "
+                 "each device state (event)")
+      ->check(CLI::IsMember({"tick", "event"}));
+  app.add_option("--json", a.json, "Write the run's figures to this file at the end, and at each SIGUSR1");
+  app.add_flag(
+      "--test-hooks", a.test_hooks,
+      "For tests alone: SIGRTMIN with a value holds the simulation so many ms, SIGRTMIN+1 makes its next "
+      "problem not finite");
 }
 
 // Blocks the signals that end the daemon in this thread and all it makes.
@@ -51,41 +65,80 @@ sigset_t block_signals() {
   sigemptyset(&set);
   sigaddset(&set, SIGINT);
   sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGUSR1);
+  sigaddset(&set, SIGRTMIN);
+  sigaddset(&set, SIGRTMIN + 1);
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
   return set;
 }
 
-// Waits for a signal, the end of `duration`, or a failure of the daemon.
-void wait_for_end(const sigset_t& signals, double duration, const Daemon& daemon) {
+// Whole or not at all: who asked by SIGUSR1 waits for the file to appear.
+void write_figures(const Daemon& daemon, const std::string& file) {
+  const std::string beside = file + ".part";
+  std::ofstream out(beside);
+  out << daemon.summary().dump(2) << '\n';
+  out.close();
+  if (!out || std::rename(beside.c_str(), file.c_str()) != 0)
+    throw std::runtime_error("cannot write " + file);
+}
+
+// The test hooks, for all devices alike.
+void hold(const Daemon& daemon, int milliseconds) {
+  for (const auto& station : daemon.stations())
+    station->simulation().hold(std::int64_t{1'000'000} * milliseconds);
+}
+void poison(const Daemon& daemon) {
+  for (const auto& station : daemon.stations()) station->simulation().poison();
+}
+
+// Waits for a signal that ends it, the end of `duration`, or a failure of the daemon.
+void wait_for_end(const sigset_t& signals, const Arguments& a, Daemon& daemon) {
   const timespec slice{0, 100'000'000};
-  const std::int64_t end = duration > 0 ? monotonic_ns() + std::llround(1e9 * duration) : INT64_MAX;
-  while (monotonic_ns() < end && !daemon.failed())
-    if (sigtimedwait(&signals, nullptr, &slice) > 0) return;
+  const std::int64_t end = a.duration > 0 ? monotonic_ns() + std::llround(1e9 * a.duration) : INT64_MAX;
+  while (monotonic_ns() < end && !daemon.failed()) {
+    siginfo_t info{};
+    const int number = sigtimedwait(&signals, &info, &slice);
+    if (number == SIGINT || number == SIGTERM) return;
+    if (number == SIGUSR1 && !a.json.empty()) write_figures(daemon, a.json);
+    if (!a.test_hooks) continue;
+    if (number == SIGRTMIN) hold(daemon, info.si_value.sival_int);
+    if (number == SIGRTMIN + 1) poison(daemon);
+  }
+}
+
+// What was refused, and what that means.
+void announce(const std::vector<Grant>& grants) {
+  bool degraded = false;
+  for (const Grant& g : grants) {
+    if (g.granted) continue;
+    std::cerr << "hapticd: not granted: " << g.what << ": " << g.detail << '\n';
+    degraded = true;
+  }
+  if (degraded) std::cerr << "hapticd: degraded: everything works, but other programs can make forces late\n";
 }
 
 int run(const Arguments& a) {
-  const Scene scene = read_scene(a.scene, a.device);
+  Scene scene = read_scene(a.scene, a.device);
+  for (const std::string& device : a.also) add_device(scene, device);
   if (a.check) {
     std::cout << describe(scene);
     return 0;
   }
   const sigset_t signals = block_signals();
+  const LoopMode mode = a.mode.empty()      ? scene.haptic_mode
+                        : a.mode == "event" ? LoopMode::event
+                                            : LoopMode::tick;
   const auto path = [](const std::string& text) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
-  Daemon daemon(scene, {a.domain, path(a.record), path(a.capture), a.capture_every});
+  Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every});
   daemon.start();
-  for (const Grant& g : daemon.grants())
-    if (!g.granted) std::cerr << "hapticd: not granted: " << g.what << ": " << g.detail << '\n';
+  announce(daemon.grants());
   std::cout << "hapticd: ready, domain " << a.domain << std::endl;
 
-  wait_for_end(signals, a.duration, daemon);
+  wait_for_end(signals, a, daemon);
   daemon.stop();
-  if (!a.json.empty()) {
-    std::ofstream out(a.json);
-    out << daemon.summary().dump(2) << '\n';
-    if (!out) throw std::runtime_error("cannot write " + a.json);
-  }
+  if (!a.json.empty()) write_figures(daemon, a.json);
   if (daemon.failed()) throw std::runtime_error("the simulation stopped: " + daemon.failure());
   return 0;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "haptic/device.h"
+#include "haptic/loop.h"
 #include "physics/compliance/compliance.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
@@ -27,29 +28,32 @@ struct SceneBody {
   BodyKind kind = BodyKind::deformable;
   std::filesystem::path mesh_file;
   TetMesh mesh;
-  Material material;               // deformable only
-  std::vector<int> fixed_nodes;    // deformable only; empty: it floats
-  double friction = 0;             // μ against the instrument
-  bool removable = false;          // the tip may destroy it
+  Material material;             // deformable only
+  std::vector<int> fixed_nodes;  // deformable only; empty: it floats
+  double friction = 0;           // μ against the instrument
+  bool removable = false;        // the tip may destroy it
 };
 
 struct Scene {
   std::string name;
   std::filesystem::path file;
-  double rate = 50;                // simulation [Hz]
+  double rate = 50;  // simulation [Hz]
   ComplianceMethod compliance = ComplianceMethod::exact;
   Renewal contact = Renewal::renewed;
-  double alarm_distance = 0;       // [m]
-  double sample_spacing = 0;       // of material sample points [m]
+  double alarm_distance = 0;  // [m]
+  double sample_spacing = 0;  // of material sample points [m]
   Vec3 gravity = Vec3::Zero();
   std::vector<SceneBody> bodies;
   std::vector<ContactPair> contacts;  // bodies that touch one another, by index
   Instrument instrument;
   VirtualCoupling coupling;
   RemovalSettings removal;
-  DeviceSettings device;           // its limits, and its map into the scene
+  LoopMode haptic_mode = LoopMode::tick;
+  DeviceSettings device;  // its limits, and its map into the scene
+  std::vector<DeviceSettings>
+      more_devices;  // each with tissue of its own (station.h); other ids than the first
   std::string device_name;
-  double device_stiffness = 0;     // largest the device displays stably [N/m]
+  double device_stiffness = 0;  // largest the device displays stably [N/m]
   std::filesystem::path device_file;
   std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
 };

@@ -99,6 +99,9 @@ std::string describe(const Scene& scene) {
        scene.device_name.c_str(), d.max_force, d.max_torque, d.max_force_rate, d.max_speed,
        1e3 * d.workspace_radius, scene.device_stiffness);
   line(out, "mapping    position x %.4g, force x %.4g", d.position_scale, d.force_scale);
+  for (const DeviceSettings& more : scene.more_devices)
+    line(out, "device     id %u beside it, with tissue of its own: %.3g N, %.4g N/s", more.id, more.max_force,
+         more.max_force_rate);
   const double felt = felt_stiffness(scene);
   line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
        felt > scene.device_stiffness ? ": MORE than the device displays stably" : "");

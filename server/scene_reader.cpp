@@ -36,6 +36,11 @@ void read_simulation(const YamlMap& yaml, Scene& scene) {
   scene.sample_spacing = yaml.number("sample_spacing", sample_spacing);
 }
 
+LoopMode read_haptic_mode(const YamlMap& yaml) {
+  yaml.only({"mode"});
+  return yaml.choice("mode", {"tick", "event"}) == 0 ? LoopMode::tick : LoopMode::event;
+}
+
 VirtualCoupling read_coupling(const YamlMap& yaml) {
   yaml.only({"stiffness", "rotational_stiffness", "damping_time"});
   VirtualCoupling coupling;
@@ -83,12 +88,48 @@ void read_mapping(const YamlMap& yaml, DeviceSettings& device) {
   device.tool = yaml.quaternion("tool");
 }
 
+// A device's limits by name or path, with an id of its own.
+DeviceSettings read_further_device(const YamlMap& yaml, const Scene& scene) {
+  yaml.only({"device", "id", "mapping"});
+  const std::filesystem::path file = device_path(yaml.text("device"), yaml.folder());
+  if (!std::filesystem::is_regular_file(file))
+    throw yaml.error("device", "no such file: " + file.string() + " (a name from config/devices, or a path)");
+  DeviceSettings device = read_device(file).limits;
+  device.id = static_cast<std::uint32_t>(yaml.whole("id", 0, 1'000'000));
+  if (has_device(scene, device.id))
+    throw yaml.error("id", std::to_string(device.id) + " is another device's id already");
+  read_mapping(yaml.map("mapping"), device);
+  return device;
+}
+
 }  // namespace
+
+bool has_device(const Scene& scene, std::uint32_t id) {
+  return scene.device.id == id || std::any_of(scene.more_devices.begin(), scene.more_devices.end(),
+                                              [id](const DeviceSettings& d) { return d.id == id; });
+}
+
+void add_device(Scene& scene, const std::string& name) {
+  const std::filesystem::path file = device_path(name, std::filesystem::current_path());
+  if (!std::filesystem::is_regular_file(file))
+    throw InputError(file, 0, "device", "no such file (a name from config/devices, or a path)");
+  const DeviceSettings limits = read_device(file).limits;
+  DeviceSettings device = scene.device;  // its map into the scene
+  device.max_force = limits.max_force;
+  device.max_torque = limits.max_torque;
+  device.max_force_rate = limits.max_force_rate;
+  device.max_speed = limits.max_speed;
+  device.workspace_radius = limits.workspace_radius;
+  device.damping = limits.damping;
+  device.id = limits.id;
+  while (has_device(scene, device.id)) ++device.id;
+  scene.more_devices.push_back(device);
+}
 
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
-  yaml.only({"scene", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "device",
-             "mapping", "trajectory"});
+  yaml.only({"scene", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "haptic", "device",
+             "mapping", "more_devices", "trajectory"});
   Scene scene;
   scene.file = file;
   scene.name = yaml.text("scene");
@@ -122,8 +163,12 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   if (scene.removal.rate > 0 && !removable)
     throw yaml.error("removal", "no body is removable (say removable: true for one, or rate: 0)");
 
+  if (yaml.has("haptic")) scene.haptic_mode = read_haptic_mode(yaml.map("haptic"));
   read_device_of(yaml, device, scene);
   read_mapping(yaml.map("mapping"), scene.device);
+  if (yaml.has("more_devices"))
+    for (const YamlMap& entry : yaml.maps("more_devices"))
+      scene.more_devices.push_back(read_further_device(entry, scene));
 
   if (yaml.has("trajectory")) {
     scene.trajectory = yaml.folder() / yaml.text("trajectory");

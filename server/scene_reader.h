@@ -18,4 +18,9 @@ namespace hapticd {
 // `device`: a name or a path that replaces the scene's own; empty: the scene's.
 Scene read_scene(const std::filesystem::path& file, const std::string& device = "");
 
+bool has_device(const Scene& scene, std::uint32_t id);
+
+// One more device by name or path, mapped as the scene's first, with the next free id.
+void add_device(Scene& scene, const std::string& name);
+
 }  // namespace hapticd

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <ctime>
+#include <limits>
 #include <optional>
 
 #include "haptic/loop.h"
@@ -115,10 +116,14 @@ void SimulationLoop::count(const StepReport& report) {
 }
 
 void SimulationLoop::step() {
+  if (const std::int64_t held = hold_ns_.exchange(0, std::memory_order_relaxed); held > 0)
+    sleep_until(monotonic_ns() + held);
   const std::int64_t begin = monotonic_ns();
   adopt_bases();
   CondensedProblem& problem = problems_.back();
   const StepReport report = world_.step([this] { return latest(); }, problem);
+  if (poisoned_.exchange(false, std::memory_order_relaxed))
+    for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
   problem.published_ns = monotonic_ns();
   problems_.publish();
   for (BaseJob& job : world_.wanted_bases()) bases_.give(std::move(job));

@@ -38,10 +38,10 @@ struct SimulationStatistics {
   std::atomic<double> compliance_error{0};    // largest sampled
   std::atomic<double> rotation{0};            // largest of a zone node since its base [rad]
   std::atomic<double> force_peak{0};          // on the instrument [N]
-  std::atomic<double> jump_at_base{0};        // StepReport::handover_jump, largest in steps with a new base alone
-  std::atomic<double> jump_at_removal{0};     // … in steps that removed something
-  std::atomic<std::int64_t> first_ns{0};    // intended time of the first step
-  std::atomic<std::int64_t> last_ns{0};     // intended time of the newest step
+  std::atomic<double> jump_at_base{0};  // StepReport::handover_jump, largest in steps with a new base alone
+  std::atomic<double> jump_at_removal{0};  // … in steps that removed something
+  std::atomic<std::int64_t> first_ns{0};   // intended time of the first step
+  std::atomic<std::int64_t> last_ns{0};    // intended time of the newest step
 
   double rate_hz() const noexcept {
     const auto n = steps.load(std::memory_order_relaxed);
@@ -64,6 +64,11 @@ class SimulationLoop {
   void start(std::function<void()> on_thread = {});
   void stop() noexcept;
 
+  // For tests of the daemon as a process (hapticd --test-hooks): the next step begins so much later; the next
+  // problem is not finite.
+  void hold(std::int64_t ns) noexcept { hold_ns_.store(ns, std::memory_order_relaxed); }
+  void poison() noexcept { poisoned_.store(true, std::memory_order_relaxed); }
+
   bool failed() const noexcept { return failed_.load(std::memory_order_acquire); }
   const std::string& failure() const noexcept { return failure_; }  // after failed()
   const SimulationStatistics& statistics() const noexcept { return statistics_; }
@@ -84,6 +89,8 @@ class SimulationLoop {
   Channel<SceneSnapshot>& snapshots_;
   SimulationStatistics statistics_;
   BaseMaker bases_;
+  std::atomic<std::int64_t> hold_ns_{0};
+  std::atomic<bool> poisoned_{false};
   std::atomic<bool> stopping_{false};
   std::atomic<bool> failed_{false};
   std::string failure_;

@@ -1,6 +1,8 @@
 #include "haptic/loop.h"
 
 #include <chrono>
+#include <functional>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -15,7 +17,7 @@ constexpr std::int64_t ms = 1'000'000;
 // A client that answers every tick with a pose inside the wall, and once takes 20 ms to write.
 class FakePort final : public DevicePort {
  public:
-  std::vector<std::int64_t> begun;        // of each tick
+  std::vector<std::int64_t> begun;  // of each tick
   std::vector<std::uint32_t> status;
   std::int64_t stall_began = 0;
   int stall_at = -1;
@@ -34,6 +36,8 @@ class FakePort final : public DevicePort {
     sample.pose.p.z() = wall::radius - 0.1e-3;
     return true;
   }
+  std::int64_t await(std::int64_t until_ns) noexcept override { return wait(until_ns); }
+  std::function<std::int64_t(std::int64_t)> wait = [](std::int64_t) { return std::int64_t{0}; };
   Presence presence() const noexcept override { return {.connected = true, .new_client = begun.size() == 1}; }
   void write(const ForceSample& force) noexcept override {
     last = force;

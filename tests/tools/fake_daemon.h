@@ -46,7 +46,7 @@ class FakeDaemon {
   void publish_scene(std::uint8_t alive) {
     float nodes[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
     std::uint32_t tets[] = {0, 1, 2, 3, 1, 2, 3, 4};
-    char name[] = "lens nucleus", scene[] = "spring";
+    char name[] = "lens nucleus", scene[] = "spring", refused[] = "";
     hapticd_msg_SceneGeometry geometry{};
     geometry.name = name;
     geometry.deformable = true;
@@ -64,6 +64,7 @@ class FakeDaemon {
     status.device_id = device_id_;
     status.elements_removed = alive & 1 ? 0 : 1;
     status.scene = scene;
+    status.refused = refused;
     status_.write(status);
   }
 

@@ -1,0 +1,44 @@
+// Counts what the heap is asked for inside the haptic tick, in the program that people run.
+//
+// The loop marks where its thread is (`region`); the program's malloc (server/malloc_count.cpp) adds one to
+// the region's count. Outside a marked region that costs malloc one thread-local load and a branch. `haptic`:
+// our own code of the tick. `transport`: what the device port calls in it, DDS above all. Thread safety:
+// `region` is each thread's own; the counts are atomic and cover all threads together. A program without that
+// malloc, and every sanitizer build, counts nothing: `available` says.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+namespace hapticd::allocation_count {
+
+enum class Region : std::uint8_t { elsewhere, haptic, transport };
+
+inline constinit thread_local Region region = Region::elsewhere;
+inline constinit std::array<std::atomic<std::uint64_t>, 3> count{};
+inline constinit std::atomic<bool> available{false};
+
+inline void note() noexcept {
+  if (region == Region::elsewhere) [[likely]]
+    return;
+  count[static_cast<std::size_t>(region)].fetch_add(1, std::memory_order_relaxed);
+}
+
+inline std::uint64_t in(Region r) noexcept {
+  return count[static_cast<std::size_t>(r)].load(std::memory_order_relaxed);
+}
+
+// Marks the calling thread while it lives; marks nest.
+class Mark {
+ public:
+  explicit Mark(Region r) noexcept : before_(region) { region = r; }
+  ~Mark() { region = before_; }
+  Mark(const Mark&) = delete;
+  Mark& operator=(const Mark&) = delete;
+
+ private:
+  Region before_;
+};
+
+}  // namespace hapticd::allocation_count

@@ -1,0 +1,108 @@
+#include "server/station.h"
+
+#include <future>
+#include <nlohmann/json.hpp>
+
+#include "server/scene_world.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
+// Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
+constexpr double haptic_margin = 0.15;  // in alarm distances
+// A hyperstatic patch (contact/README.md) may use them all; its residual is then below 1e-4 already.
+constexpr int haptic_max_sweeps = 50;
+
+HapticOptions haptic_options(const Scene& scene) {
+  HapticOptions options;
+  options.contact.linearisations = 2;
+  options.contact.margin = haptic_margin * scene.alarm_distance;
+  options.contact.coulomb.max_sweeps = haptic_max_sweeps;
+  return options;
+}
+
+nlohmann::json milliseconds(const HistogramSnapshot& h) {
+  return {{"p50", 1e-6 * h.percentile(50)},
+          {"p99", 1e-6 * h.percentile(99)},
+          {"p99_9", 1e-6 * h.percentile(99.9)},
+          {"max", 1e-6 * static_cast<double>(h.max)}};
+}
+
+}  // namespace
+
+Station::Station(const Scene& scene, const DeviceSettings& device, const Participant& participant,
+                 const StationOptions& options)
+    : device_(device),
+      options_(options),
+      world_(make_world(scene)),
+      port_(participant, device.id, options.mode == LoopMode::event),
+      history_(history_ticks),
+      simulation_(*world_, scene.rate, instrument_, problems_, snapshots_),
+      haptic_(scene.instrument, device_, haptic_options(scene), port_, problems_, instrument_, history_,
+              LoopTiming{.mode = options.mode}),
+      diagnostics_(participant, scene, haptic_.statistics(), snapshots_, history_, options.record,
+                   DiagnosticsScope{device.id, options.shows_scene}) {
+  if (options.capture) {
+    haptic_.capture_into(captures_, options.capture_every);
+    diagnostics_.write_captures(captures_, scene.instrument, *options.capture);
+  }
+  // The first step pays for cold caches and the symbolic factor (150 ms): not on the clock.
+  world_->step([] { return InstrumentSample{}; }, problems_.back());
+}
+
+Station::~Station() { stop(); }
+
+std::vector<Grant> Station::start_loops() {
+  // With one core there is nothing to keep apart.
+  if (options_.realtime_core > 0)
+    simulation_.start([] { use_core(0); });
+  else
+    simulation_.start();
+  std::promise<std::vector<Grant>> granted;
+  haptic_.start([&granted, core = options_.realtime_core] {
+    name_thread("haptic");
+    prefault_stack();
+    granted.set_value({use_core(core), use_fifo(haptic_priority)});
+  });
+  return granted.get_future().get();
+}
+
+void Station::start_diagnostics(const std::vector<Grant>& grants) { diagnostics_.start(grants); }
+
+void Station::stop() noexcept {
+  haptic_.stop();
+  simulation_.stop();
+  diagnostics_.stop();
+}
+
+nlohmann::json Station::summary() const {
+  nlohmann::json j = loop_summary(haptic_.statistics());
+  const SimulationStatistics& s = simulation_.statistics();
+  const HistogramSnapshot step = s.step.snapshot();
+  j["device_id"] = device_.id;
+  j["mode"] = options_.mode == LoopMode::event ? "event" : "tick";
+  j["sim_rate_hz"] = s.rate_hz();
+  j["sim_steps"] = s.steps.load();
+  j["sim_overruns"] = s.overruns.load();
+  j["sim_step_ms"] = milliseconds(step);
+  j["elements_removed"] = s.removed.load();
+  j["fragments_aspirated"] = s.aspirated.load();
+  if (s.bases + s.bases_failed > 0) {
+    j["bases_adopted"] = s.bases.load();
+    j["bases_failed"] = s.bases_failed.load();
+    j["base_ms"] = milliseconds(simulation_.base_time().snapshot());
+  }
+  j["compliance_error_max"] = s.compliance_error.load();
+  j["compliance_degraded_steps"] = s.rough_steps.load();
+  j["zone_rotation_max_rad"] = s.rotation.load();
+  // At the simulation, in scene newtons: the problem before and the new one, solved at the same pose.
+  j["sim_force_peak_n"] = s.force_peak.load();
+  j["handover_jump_max_n"] = {{"at_base", s.jump_at_base.load()}, {"at_removal", s.jump_at_removal.load()}};
+  j["recording_dropped"] = history_.dropped();
+  j["problems_captured"] = diagnostics_.captured();
+  j["recording_failed"] = diagnostics_.recording_failed();
+  return j;
+}
+
+}  // namespace hapticd

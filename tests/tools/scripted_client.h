@@ -1,0 +1,143 @@
+// A device on DDS whose every state a test decides, and all that it was answered.
+//
+// A thread sends the present state each millisecond; `next` may bend one before it leaves. Forces are kept as
+// they come, in Cyclone's receive thread.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "haptic/loop.h"
+#include "server/dds.h"
+
+namespace hapticd {
+
+class ScriptedClient {
+ public:
+  using State = hapticd_msg_DeviceState;
+  using Force = hapticd_msg_ForceCommand;
+
+  explicit ScriptedClient(const Participant& participant, std::uint32_t device_id = 0)
+      : writer_(participant), reader_(participant) {
+    state_.device_id = device_id;
+    state_.orientation[3] = 1;
+    state_.position[2] = 0.030;
+    state_.number = static_cast<std::uint64_t>(monotonic_ns() / 1'000'000);
+    const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
+                                                                                   &dds_delete_listener);
+    dds_lset_data_available(listener.get(),
+                            [](dds_entity_t, void* self) { static_cast<ScriptedClient*>(self)->receive(); });
+    require(dds_set_listener(reader_.handle(), listener.get()), "a listener");
+    thread_ = std::thread([this] { run(); });
+  }
+  ~ScriptedClient() { leave(); }
+
+  // Ends sending; what it last sent is disposed of by the writer's end, not before.
+  void leave() {
+    stopping_ = true;
+    if (thread_.joinable()) thread_.join();
+    dds_set_listener(reader_.handle(), nullptr);
+  }
+  void dispose() {
+    silent(true);
+    writer_.dispose(state_);
+  }
+
+  // Edits the state that all later ones are like.
+  void change(const std::function<void(State&)>& edit) {
+    const std::lock_guard lock(sending_);
+    edit(state_);
+  }
+  // Edits each of the next `count` states alone.
+  void bend(int count, std::function<void(State&)> edit) {
+    const std::lock_guard lock(sending_);
+    bend_ = std::move(edit);
+    bends_ = count;
+  }
+  void silent(bool yes) {
+    const std::lock_guard lock(sending_);
+    silent_ = yes;
+  }
+  void enable(bool yes) {
+    change([yes](State& s) { s.enable = yes; });
+  }
+  // Moves straight down or up, over so many milliseconds.
+  void move_to(double z, int milliseconds) {
+    double from = 0;
+    change([&](State& s) { from = s.position[2]; });
+    for (int i = 1; i <= milliseconds; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      change([&](State& s) { s.position[2] = from + (z - from) * i / milliseconds; });
+    }
+  }
+
+  // All forces since index `from`; the number of those before.
+  std::vector<Force> forces(std::size_t from = 0) const {
+    const std::lock_guard lock(receiving_);
+    return {forces_.begin() + static_cast<std::ptrdiff_t>(std::min(from, forces_.size())), forces_.end()};
+  }
+  std::size_t count() const {
+    const std::lock_guard lock(receiving_);
+    return forces_.size();
+  }
+  // Waits until a force that came after the call (or after index `from`) is such.
+  bool await(int milliseconds, const std::function<bool(const Force&)>& such,
+             std::size_t from = ~std::size_t{0}) {
+    std::size_t seen = from == ~std::size_t{0} ? count() : from;
+    for (int i = 0; i < milliseconds; ++i) {
+      for (const Force& f : forces(seen)) {
+        ++seen;
+        if (such(f)) return true;
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return false;
+  }
+  static double magnitude(const Force& f) { return std::hypot(f.force[0], f.force[1], f.force[2]); }
+
+ private:
+  void run() {
+    auto next = std::chrono::steady_clock::now();
+    while (!stopping_) {
+      std::this_thread::sleep_until(next += std::chrono::milliseconds(1));
+      const std::lock_guard lock(sending_);
+      ++state_.number;
+      if (silent_) continue;
+      State sent = state_;
+      sent.client_time_ns = monotonic_ns();
+      if (bends_ > 0) {
+        --bends_;
+        bend_(sent);
+      }
+      writer_.write(sent);
+    }
+  }
+  void receive() noexcept {
+    std::array<Force, 4> taken;
+    std::array<dds_sample_info_t, 4> infos;
+    const int n = reader_.take_into(taken, infos);
+    const std::lock_guard lock(receiving_);
+    for (int i = 0; i < n; ++i)
+      if (infos[static_cast<std::size_t>(i)].valid_data &&
+          taken[static_cast<std::size_t>(i)].device_id == state_.device_id)
+        forces_.push_back(taken[static_cast<std::size_t>(i)]);
+  }
+
+  std::mutex sending_;
+  State state_{};
+  std::function<void(State&)> bend_;
+  int bends_ = 0;
+  bool silent_ = false;
+  mutable std::mutex receiving_;
+  std::vector<Force> forces_;
+  std::atomic<bool> stopping_{false};
+  Writer<State> writer_;
+  Reader<Force> reader_;
+  std::thread thread_;
+};
+
+}  // namespace hapticd
