@@ -42,7 +42,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       realtime_core_(last_core()),
       on_realtime_core_(std::in_place, realtime_core_),
       domain_(options.domain, default_dds_profile()),
-      participant_(domain_),
+      participant_(domain_, options.security),
       port_(participant_, scene.device.id),
       history_(history_ticks),
       simulation_(*world_, scene.rate, instrument_, problems_, snapshots_),

@@ -22,6 +22,7 @@ namespace hapticd {
 struct DaemonOptions {
   std::uint32_t domain = 0;
   std::optional<std::filesystem::path> record;
+  std::optional<Security> security;
 };
 
 class Daemon {

@@ -24,7 +24,7 @@ struct Arguments {
   bool check = false;
   double duration = 0;
   std::uint32_t domain = 0;
-  std::string device, record, json;
+  std::string device, record, json, secure;
 };
 
 void define(CLI::App& app, Arguments& a) {
@@ -37,6 +37,9 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
   app.add_option("--device", a.device, "Device file or name that replaces the scene's (limits only)");
   app.add_option("--record", a.record, "Write every haptic tick to this CSV file");
+  app.add_option("--secure", a.secure,
+                 "Admit nobody without a certificate: DIR from config/dds/security/make_keys.sh")
+      ->type_name("DIR");
   app.add_option("--json", a.json, "Write the run's figures to this file at the end");
 }
 
@@ -60,17 +63,20 @@ void wait_for_end(const sigset_t& signals, double duration, const Daemon& daemon
 
 int run(const Arguments& a) {
   const Scene scene = read_scene(a.scene, a.device);
+  std::optional<Security> security;
+  if (!a.secure.empty()) security = security_files(a.secure, "daemon");
   if (a.check) {
     std::cout << describe(scene);
     return 0;
   }
   const sigset_t signals = block_signals();
-  Daemon daemon(scene,
-                {a.domain, a.record.empty() ? std::nullopt : std::optional<std::filesystem::path>(a.record)});
+  Daemon daemon(
+      scene,
+      {a.domain, a.record.empty() ? std::nullopt : std::optional<std::filesystem::path>(a.record), security});
   daemon.start();
   for (const Grant& g : daemon.grants())
     if (!g.granted) std::cerr << "hapticd: not granted: " << g.what << ": " << g.detail << '\n';
-  std::cout << "hapticd: ready, domain " << a.domain << std::endl;
+  std::cout << "hapticd: ready, domain " << a.domain << (security ? ", secured" : "") << std::endl;
 
   wait_for_end(signals, a.duration, daemon);
   daemon.stop();
