@@ -88,7 +88,7 @@ void read_mapping(const YamlMap& yaml, DeviceSettings& device) {
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
   yaml.only({"scene", "simulation", "gravity", "bodies", "instrument", "removal", "device", "mapping",
-             "trajectory"});
+             "trajectory", "ros2"});
   Scene scene;
   scene.file = file;
   scene.name = yaml.text("scene");
@@ -117,6 +117,7 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   read_device_of(yaml, device, scene);
   read_mapping(yaml.map("mapping"), scene.device);
 
+  scene.ros2 = yaml.flag("ros2", false);
   if (yaml.has("trajectory")) {
     scene.trajectory = yaml.folder() / yaml.text("trajectory");
     if (!std::filesystem::is_regular_file(*scene.trajectory))
