@@ -31,7 +31,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       realtime_core_(last_core()),
       on_realtime_core_(std::in_place, realtime_core_),
       domain_(options.domain, default_dds_profile()),
-      participant_(domain_) {
+      participant_(domain_, options.security) {
   on_realtime_core_.reset();
   const auto add = [&](const DeviceSettings& device) {
     const bool first = stations_.empty();

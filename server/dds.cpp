@@ -28,14 +28,22 @@ dds_entity_t require(dds_entity_t code, const std::string& what) {
 Domain::Domain(std::uint32_t id, const std::string& xml) : id_(id) {
   const std::string what = "domain " + std::to_string(id);
   if (xml.find(">Realtime<") != std::string::npos && !realtime_allowed())
-    throw std::runtime_error("DDS: cannot make " + what + ": its profile asks for real-time threads and this "
+    throw std::runtime_error("DDS: cannot make " + what +
+                             ": its profile asks for real-time threads and this "
                              "process has no right to SCHED_FIFO; use the profile loopback");
   entity_ = DdsEntity(require(dds_create_domain(id, xml.c_str()), what));
 }
 
-Participant::Participant(const Domain& domain)
-    : entity_(require(dds_create_participant(domain.id(), nullptr, nullptr),
-                      "a participant in domain " + std::to_string(domain.id()))) {}
+Participant::Participant(const Domain& domain, const std::optional<Security>& security) {
+  const Qos qos(dds_create_qos(), &dds_delete_qos);
+  std::string what = "a participant in domain " + std::to_string(domain.id());
+  if (security) {
+    set_security(*qos, *security);
+    what += " as " + security->role + " with " + security->certificate.parent_path().string() +
+            " (certificate, signature or validity refused; Cyclone's own words are above)";
+  }
+  entity_ = DdsEntity(require(dds_create_participant(domain.id(), qos.get(), nullptr), what));
+}
 
 Qos realtime_qos(int depth) {
   Qos qos(dds_create_qos(), &dds_delete_qos);

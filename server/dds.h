@@ -23,8 +23,11 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
+
+#include "server/dds_security.h"
 
 namespace hapticd {
 
@@ -73,7 +76,8 @@ class Domain {
 
 class Participant {
  public:
-  explicit Participant(const Domain& domain);
+  // Without security it hears and is heard by everybody else without.
+  explicit Participant(const Domain& domain, const std::optional<Security>& security = {});
   dds_entity_t handle() const noexcept { return entity_.handle(); }
 
  private:
@@ -82,8 +86,8 @@ class Participant {
 
 using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
 
-Qos realtime_qos(int depth);   // best effort, volatile, keep last `depth`
-Qos retained_qos();            // reliable, transient-local, keep last 1
+Qos realtime_qos(int depth);  // best effort, volatile, keep last `depth`
+Qos retained_qos();           // reliable, transient-local, keep last 1
 
 inline constexpr int state_reader_depth = 8;
 
@@ -129,9 +133,9 @@ struct TopicTraits<hapticd_msg_SceneUpdate> {
 template <typename T>
 DdsEntity make_topic(const Participant& participant) {
   using Traits = TopicTraits<T>;
-  return DdsEntity(require(
-      dds_create_topic(participant.handle(), &Traits::descriptor(), Traits::name, nullptr, nullptr),
-      std::string("topic ") + Traits::name));
+  return DdsEntity(
+      require(dds_create_topic(participant.handle(), &Traits::descriptor(), Traits::name, nullptr, nullptr),
+              std::string("topic ") + Traits::name));
 }
 
 template <typename T>

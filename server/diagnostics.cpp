@@ -102,6 +102,7 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
       update_(participant),
       scope_(scope.value_or(DiagnosticsScope{scene.device.id, true})) {
   if (record) record_.emplace(*record);
+  if (scene.ros2) ros2_.emplace(participant, scene.device.id);
 }
 
 Diagnostics::~Diagnostics() { stop(); }
@@ -168,8 +169,11 @@ void Diagnostics::run() noexcept {
 
 void Diagnostics::drain() {
   ForceRecord record;
-  while (history_.pop(record))
+  while (history_.pop(record)) {
     if (record_) record_->write(record);
+    if (ros2_) ros2_->note(record);
+  }
+  if (ros2_) ros2_->publish();
 }
 
 void Diagnostics::publish_geometry() {

@@ -3,6 +3,7 @@
 //   10 Hz   ServerStatus            from the loop's statistics and the newest snapshot
 //   once    SceneGeometry           per body, kept by DDS for late readers
 //   25 Hz   SceneUpdate             per deformable body, from the newest snapshot
+//   50 Hz   the ROS 2 mirror        of the newest tick, where the scene asks for it (ros2_mirror.h)
 //   50 Hz   the force history       drained, and written to the recording if there is one
 //
 // Neither loop ever waits for it: a full queue drops and counts, a channel keeps the newest.
@@ -22,6 +23,7 @@
 #include "server/dds.h"
 #include "server/force_record.h"
 #include "server/realtime.h"
+#include "server/ros2_mirror.h"
 #include "server/scene.h"
 
 namespace hapticd {
@@ -102,6 +104,7 @@ class Diagnostics {
   std::filesystem::path capture_directory_;
   int most_captures_ = 0;
   std::atomic<int> captured_{0};
+  std::optional<Ros2Mirror> ros2_;
   Writer<hapticd_msg_ServerStatus> status_;
   Writer<hapticd_msg_SceneGeometry> geometry_;
   Writer<hapticd_msg_SceneUpdate> update_;

@@ -26,7 +26,7 @@ struct Arguments {
   bool test_hooks = false;
   double duration = 0;
   std::uint32_t domain = 0;
-  std::string device, record, capture, json;
+  std::string device, record, capture, json, secure;
   std::uint64_t capture_every = 0;
   std::vector<std::string> also;
 };
@@ -57,6 +57,9 @@ void define(CLI::App& app, Arguments& a) {
       "--test-hooks", a.test_hooks,
       "For tests alone: SIGRTMIN with a value holds the simulation so many ms, SIGRTMIN+1 makes its next "
       "problem not finite");
+  app.add_option("--secure", a.secure,
+                 "Admit nobody without a certificate: DIR from config/dds/security/make_keys.sh")
+      ->type_name("DIR");
 }
 
 // Blocks the signals that end the daemon in this thread and all it makes.
@@ -120,6 +123,8 @@ void announce(const std::vector<Grant>& grants) {
 int run(const Arguments& a) {
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
+  std::optional<Security> security;
+  if (!a.secure.empty()) security = security_files(a.secure, "daemon");
   if (a.check) {
     std::cout << describe(scene);
     return 0;
@@ -131,10 +136,10 @@ int run(const Arguments& a) {
   const auto path = [](const std::string& text) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
-  Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every});
+  Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security});
   daemon.start();
   announce(daemon.grants());
-  std::cout << "hapticd: ready, domain " << a.domain << std::endl;
+  std::cout << "hapticd: ready, domain " << a.domain << (security ? ", secured" : "") << std::endl;
 
   wait_for_end(signals, a, daemon);
   daemon.stop();

@@ -55,6 +55,7 @@ struct Scene {
   std::string device_name;
   double device_stiffness = 0;  // largest the device displays stably [N/m]
   std::filesystem::path device_file;
+  bool ros2 = false;               // mirror topics for ROS 2
   std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
 };
 

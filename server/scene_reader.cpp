@@ -129,7 +129,7 @@ void add_device(Scene& scene, const std::string& name) {
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
   yaml.only({"scene", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "haptic", "device",
-             "mapping", "more_devices", "trajectory"});
+             "mapping", "more_devices", "trajectory", "ros2"});
   Scene scene;
   scene.file = file;
   scene.name = yaml.text("scene");
@@ -170,6 +170,7 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
     for (const YamlMap& entry : yaml.maps("more_devices"))
       scene.more_devices.push_back(read_further_device(entry, scene));
 
+  scene.ros2 = yaml.flag("ros2", false);
   if (yaml.has("trajectory")) {
     scene.trajectory = yaml.folder() / yaml.text("trajectory");
     if (!std::filesystem::is_regular_file(*scene.trajectory))

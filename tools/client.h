@@ -34,6 +34,7 @@ namespace hapticd {
 
 struct ClientSettings {
   std::uint32_t domain = 0;
+  std::optional<Security> security;
   std::uint32_t device_id = 0;
   bool enable = true;         // ask for force
   int fifo_priority = 50;     // below the daemon's loop (80) and Cyclone's threads (70, 60)

@@ -66,7 +66,7 @@ int replay(ReplayOptions& options, bool device_id_given) {
     throw UsageError(options.file + ": lasts " + fixed(duration, 0) + " s; at most " +
                      fixed(max_duration, 0) + " s can be replayed in one run");
   options.session.client.enable = !options.no_enable;
-  prepare_outputs(options.session);
+  prepare(options.session);
 
   ReplaySource source(trajectory, options.speed);
   Session session(options.session, source.slots());

@@ -32,6 +32,13 @@ void add_session_options(CLI::App& command, SessionOptions& options) {
   command.add_option("--domain", options.client.domain, "DDS domain of the daemon")
       ->check(CLI::Range(0u, 230u))
       ->capture_default_str();
+  command
+      .add_option("--secure", options.secure,
+                  "keys for a daemon that runs with --secure: DIR from config/dds/security/make_keys.sh")
+      ->type_name("DIR");
+  command.add_option("--role", options.role, "whose keys of those")
+      ->check(CLI::IsMember({"device", "viewer", "operator"}))
+      ->capture_default_str();
   command.add_option("--device-id", options.client.device_id, "the device to be")->capture_default_str();
   command.add_option("--json", options.json, "write the figures to this file")->type_name("FILE");
   command.add_option("--forces", options.forces, "write one line per answered slot to this CSV")
@@ -58,7 +65,8 @@ void add_units_option(CLI::App& command, LengthUnit& units, const std::string& t
       ->type_name("m|mm");
 }
 
-void prepare_outputs(const SessionOptions& options) {
+void prepare(SessionOptions& options) {
+  if (!options.secure.empty()) options.client.security = security_files(options.secure, options.role);
   for (const std::string& file : {options.json, options.forces})
     if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
       std::filesystem::create_directories(parent);
@@ -67,7 +75,7 @@ void prepare_outputs(const SessionOptions& options) {
 
 Session::Session(const SessionOptions& options, std::int64_t slots)
     : domain(options.client.domain, default_dds_profile()),
-      participant(domain),
+      participant(domain, options.client.security),
       monitor(participant, options.client.device_id),
       client(participant, options.client, slots) {}
 

@@ -13,6 +13,8 @@ namespace hapticd {
 
 struct SessionOptions {
   ClientSettings client;
+  std::string secure;     // folder of keys; empty: none
+  std::string role = "device";
   std::string json;       // empty: none
   std::string forces;     // CSV; empty: none
   std::string snapshots;  // directory; empty: none
@@ -22,8 +24,8 @@ struct SessionOptions {
 void add_session_options(CLI::App& command, SessionOptions& options);
 void add_units_option(CLI::App& command, LengthUnit& units, const std::string& text);
 
-// Makes the directories of the files that will be written.
-void prepare_outputs(const SessionOptions& options);
+// Reads the keys, if any, and makes the directories of the files that will be written.
+void prepare(SessionOptions& options);
 
 // Everything on DDS that a run needs, made before any thread goes SCHED_FIFO.
 struct Session {

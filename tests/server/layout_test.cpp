@@ -65,6 +65,20 @@ TEST(Layout, ServerDoesNotSeeTools) {
     EXPECT_FALSE(i.target.starts_with("tools/")) << i.file << " includes " << i.target;
 }
 
+// A driver is linked by people whose programs are not under the GPL: no simulation in it.
+TEST(Layout, DriverSeesOnlyTheWire) {
+  for (const Include& i : includes_of("tools/driver")) {
+    EXPECT_FALSE(starts_with_any(i.target, {"physics/", "haptic/"})) << i.file << " includes " << i.target;
+    if (i.target.starts_with("server/")) {
+      EXPECT_TRUE(i.target == "server/dds.h" || i.target == "server/realtime.h")
+          << i.file << " includes " << i.target;
+    }
+    if (i.target.starts_with("tools/")) {
+      EXPECT_TRUE(i.target.starts_with("tools/driver/")) << i.file << " includes " << i.target;
+    }
+  }
+}
+
 TEST(Layout, TopLevelHoldsOnlyWhatTheDesignNames) {
   const std::set<std::string> allowed = {
       "CMakeLists.txt", "CMakePresets.json", "LICENSE", "CHANGELOG.md", "README.md", "server",

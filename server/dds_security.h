@@ -1,0 +1,38 @@
+// Who a participant is, in a domain where strangers are refused: DDS Security with the built-in plugins
+// (PKI-DH authentication, permissions, AES-GCM-GMAC).
+//
+//   DIR/ca.pem  governance.p7s            the same for everybody
+//   DIR/ROLE/cert.pem key.pem permissions.p7s      daemon, device, viewer, operator
+//
+// config/dds/security/make_keys.sh makes such a folder; the documents there say who may do what.
+// Contract: every participant of a process in one domain is secured, or none is.
+// Errors: security_files throws InputError naming the file that is missing, unreadable or not what its
+// name says; std::runtime_error where this build knows no plugins. What only Cyclone can tell (a
+// signature, an authority, an expiry) fails when the participant is made; a key that is another certificate's
+// shows only in that nobody answers.
+#pragma once
+
+#include <dds/dds.h>
+
+#include <array>
+#include <filesystem>
+#include <string>
+
+namespace hapticd {
+
+inline constexpr std::array<const char*, 4> security_roles = {"daemon", "device", "viewer", "operator"};
+
+struct Security {
+  std::string role;
+  std::filesystem::path authority, governance, certificate, key, permissions;
+  // Plugins: libdds_security_{auth,ac,crypto}.so.
+  std::filesystem::path authentication, access_control, cryptography;
+};
+
+// The files of `role` in DIR, checked.
+Security security_files(const std::filesystem::path& directory, const std::string& role);
+
+// The properties by which Cyclone is told.
+void set_security(dds_qos_t& qos, const Security& security);
+
+}  // namespace hapticd

@@ -1,0 +1,179 @@
+#include "tools/driver/driver.h"
+
+#include <sys/prctl.h>
+#include <time.h>
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <optional>
+
+#include "server/dds.h"
+#include "server/realtime.h"
+#include "tools/driver/force_watch.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t period_ns = 1'000'000;
+constexpr std::int64_t margin_ns = 100'000;  // left of a slot when waiting for its answer ends
+constexpr int fifo_priority = 50;            // below the daemon's loop (80) and Cyclone's threads (70, 60)
+constexpr std::uint32_t disarmed_bit = 1u << 0, latched_bit = 1u << 8;  // hapticd::Status
+
+std::int64_t now_ns() noexcept {
+  timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return 1'000'000'000 * t.tv_sec + t.tv_nsec;
+}
+
+volatile std::sig_atomic_t asked_to_end = 0;
+static_assert(std::atomic<std::sig_atomic_t>::is_always_lock_free);
+
+// Signals that end a run, while it lives.
+class EndingSignals {
+ public:
+  EndingSignals() {
+    asked_to_end = 0;
+    struct sigaction action {};
+    action.sa_handler = [](int) { asked_to_end = 1; };
+    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &action, &before_[i]);
+  }
+  ~EndingSignals() {
+    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &before_[i], nullptr);
+  }
+  EndingSignals(const EndingSignals&) = delete;
+  EndingSignals& operator=(const EndingSignals&) = delete;
+
+ private:
+  static constexpr std::array<int, 3> signals = {SIGINT, SIGTERM, SIGHUP};
+  std::array<struct sigaction, 3> before_{};
+};
+
+class Driver {
+ public:
+  Driver(HapticDevice& device, const DriverOptions& options)
+      : device_(device),
+        options_(options),
+        domain_(options.domain, default_dds_profile()),
+        participant_(domain_, options.keys.empty() ? std::nullopt
+                                                   : std::optional(security_files(options.keys, "device"))),
+        states_(participant_),
+        forces_(participant_),
+        arrival_(require(dds_create_waitset(participant_.handle()), "a waitset")),
+        watch_(options.max_force) {
+    require(dds_set_status_mask(forces_.handle(), DDS_DATA_AVAILABLE_STATUS), "a status mask");
+    require(dds_waitset_attach(arrival_.handle(), forces_.handle(), 0), "a waitset");
+    state_.device_id = options.device_id;
+  }
+
+  // The device feels zero and the daemon knows that its client is gone, however the run ends.
+  ~Driver() {
+    try {
+      device_.write({});
+    } catch (...) {  // the first exception is the one to tell
+    }
+    state_.enable = false;
+    send();
+    states_.dispose(state_);
+  }
+  Driver(const Driver&) = delete;
+  Driver& operator=(const Driver&) = delete;
+
+  DriverReport run() {
+    if (options_.realtime)
+      if (const Grant grant = use_fifo(fifo_priority); !grant.granted)
+        report_.realtime_refused = grant.detail;
+    prctl(PR_SET_TIMERSLACK, 1);
+    std::int64_t next = now_ns();
+    // Rising over a restart of the driver too.
+    state_.number = static_cast<std::uint64_t>(next / period_ns);
+    const std::int64_t end =
+        options_.duration > 0 ? next + static_cast<std::int64_t>(1e9 * options_.duration) : INT64_MAX;
+    for (;; next += period_ns * (1 + std::max<std::int64_t>(0, (now_ns() - next) / period_ns))) {
+      const timespec t{next / 1'000'000'000, next % 1'000'000'000};
+      clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr);
+      if (asked_to_end) return ended(DriverReport::End::signal);
+      if (next >= end) return ended(DriverReport::End::duration);
+      Reading reading;
+      if (!device_.read(reading)) return ended(DriverReport::End::device_lost);
+      slot(reading, next + period_ns - margin_ns);
+    }
+  }
+
+ private:
+  void slot(const Reading& reading, std::int64_t until_ns) {
+    const std::uint32_t status = watch_.status();
+    std::copy(reading.position.begin(), reading.position.end(), state_.position);
+    std::copy(reading.orientation.begin(), reading.orientation.end(), state_.orientation);
+    state_.buttons = reading.buttons;
+    state_.enable = arming_.enable(now_ns(), reading.enable, status & disarmed_bit, status & latched_bit);
+    send();
+    ++report_.sent;
+    // An answer to the state before may come first; it is felt too.
+    bool written = false;
+    while (true) {
+      if (take()) {
+        ++report_.answered;
+        device_.write(watch_.feel(now_ns()));
+        written = true;
+      }
+      const std::int64_t left = until_ns - now_ns();
+      if (watch_.answered() == state_.number || left <= 0 || asked_to_end) break;
+      dds_waitset_wait(arrival_.handle(), nullptr, 0, left);
+    }
+    if (!written) device_.write(watch_.feel(now_ns()));
+  }
+
+  void send() noexcept {
+    ++state_.number;
+    state_.client_time_ns = now_ns();
+    watch_.sent(state_.number, state_.client_time_ns);
+    states_.write(state_);
+  }
+
+  // Whether a force came that answers a state of ours for the first time.
+  bool take() noexcept {
+    std::array<hapticd_msg_ForceCommand, 4> forces;
+    std::array<dds_sample_info_t, 4> infos;
+    const int n = forces_.take_into(forces, infos);
+    bool fresh = false;
+    for (int i = 0; i < n; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      const hapticd_msg_ForceCommand& f = forces[k];
+      if (!infos[k].valid_data || f.device_id != options_.device_id) continue;
+      const Feel feel{
+          {f.force[0], f.force[1], f.force[2]}, {f.torque[0], f.torque[1], f.torque[2]}, f.status};
+      fresh |= watch_.heard(now_ns(), f.echo_number, f.echo_client_time_ns, feel);
+    }
+    return fresh;
+  }
+
+  DriverReport ended(DriverReport::End end) {
+    report_.end = end;
+    report_.silences = watch_.silences();
+    report_.longest_silence_ms = 1e-6 * static_cast<double>(watch_.longest_silence_ns());
+    return report_;
+  }
+
+  HapticDevice& device_;
+  DriverOptions options_;
+  Domain domain_;
+  Participant participant_;
+  Writer<hapticd_msg_DeviceState> states_;
+  Reader<hapticd_msg_ForceCommand> forces_;
+  DdsEntity arrival_;
+  ForceWatch watch_;
+  Arming arming_;
+  hapticd_msg_DeviceState state_{};
+  DriverReport report_;
+};
+
+}  // namespace
+
+DriverReport run_driver(HapticDevice& device, const DriverOptions& options) {
+  const EndingSignals signals;
+  Driver driver(device, options);
+  return driver.run();
+}
+
+}  // namespace hapticd

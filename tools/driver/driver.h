@@ -1,0 +1,62 @@
+// A haptic device on hapticd: say how to read it and how to write it, and run.
+//
+//   every 1 ms:  read → send → wait for the answer until the millisecond is over → write
+//
+// What is done for you: stamps and numbers; arming, and arming again after a silence (not after a latch:
+// that takes `enable` false, then true, from you); forces that answer another client are not felt; the force
+// is zero when none has come for 10 ms, when one is not finite, and as the last thing written, whatever ends
+// the run: SIGINT, SIGTERM, SIGHUP, a failing device, an exception of yours. What cannot be done in a process
+// that is killed or crashes: let the device's own electronics drop the force when nothing is written.
+// Units: m, N, N·m. Device frame: the device's own, the scene maps it (config/README.md, `mapping`).
+// Threads: read and write are called on the thread that calls run_driver. Guarantee: no allocation of its
+// own between two slots; SCHED_FIFO where it is granted.
+// Errors: run_driver throws std::runtime_error (DDS), InputError (keys), and what read or write throw.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+namespace hapticd {
+
+struct Reading {
+  std::array<double, 3> position{};
+  std::array<double, 4> orientation{0, 0, 0, 1};  // x, y, z, w
+  std::uint32_t buttons = 0;                      // bit 0: phaco, bit 1: aspiration
+  bool enable = true;                             // a dead man's switch goes here
+};
+
+struct Feel {
+  std::array<double, 3> force{};  // on the hand
+  std::array<double, 3> torque{};
+  std::uint32_t status = 0;  // bits of idl/README.md; 0: all well
+};
+
+class HapticDevice {
+ public:
+  virtual ~HapticDevice() = default;
+  virtual bool read(Reading& reading) = 0;  // false: the device is lost, the run ends
+  virtual void write(const Feel& feel) = 0;
+};
+
+struct DriverOptions {
+  std::uint32_t domain = 0;
+  std::uint32_t device_id = 0;
+  std::filesystem::path keys;  // of a daemon with --secure; empty: none
+  double max_force = 0;        // a second limit, beside the daemon's [N]; 0: none
+  double duration = 0;         // [s]; 0: until a signal
+  bool realtime = true;        // ask for SCHED_FIFO 50
+};
+
+struct DriverReport {
+  std::uint64_t sent = 0, answered = 0;  // states
+  std::uint64_t silences = 0;            // times that no force had come for 10 ms, after the first one
+  double longest_silence_ms = 0;
+  std::string realtime_refused;  // empty: granted, or not asked for
+  enum class End { signal, device_lost, duration } end = End::signal;
+};
+
+DriverReport run_driver(HapticDevice& device, const DriverOptions& options);
+
+}  // namespace hapticd
