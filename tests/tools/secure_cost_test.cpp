@@ -16,6 +16,7 @@
 #include "haptic/loop.h"
 #include "server/dds.h"
 #include "server/realtime.h"
+#include "tests/support/malloc_guard.h"
 #include "tests/tools/run_command.h"
 
 namespace hapticd {
@@ -47,23 +48,31 @@ struct End {
   const ScopedCore core(1);  // Cyclone's threads too, as in the daemon
   End<hapticd_msg_DeviceState, hapticd_msg_ForceCommand> end(domain, security);
   use_fifo(haptic_priority);
+  long allocations = 0;  // of the write before
   for (;;) {
     dds_waitset_wait(end.arrival.handle(), nullptr, 0, DDS_SECS(1));
     end.reader.take_each([&](const hapticd_msg_DeviceState& state, const dds_sample_info_t&) {
       hapticd_msg_ForceCommand force{};
       force.echo_number = state.number;
+      force.number = static_cast<std::uint64_t>(allocations);
+      const MallocGuard guard;
       end.writer.write(force);
+      allocations = guard.allocations();
     });
   }
 }
 
-// Sorted, µs.
-std::vector<double> ask(std::uint32_t domain, const std::optional<Security>& security) {
+struct Asked {
+  std::vector<double> us;  // sorted
+  std::uint64_t allocations = 0;
+};
+
+Asked ask(std::uint32_t domain, const std::optional<Security>& security) {
   End<hapticd_msg_ForceCommand, hapticd_msg_DeviceState> end(domain, security);
   use_fifo(50);
   while (!end.writer.matched() || !end.reader.matched()) usleep(10'000);
   sleep(1);
-  std::vector<double> out;
+  Asked out;
   std::int64_t next = monotonic_ns();
   hapticd_msg_DeviceState state{};
   for (int k = 1; k <= rounds; ++k) {
@@ -78,11 +87,12 @@ std::vector<double> ask(std::uint32_t domain, const std::optional<Security>& sec
       dds_waitset_wait(end.arrival.handle(), nullptr, 0, period_ns);
       end.reader.take_each([&](const hapticd_msg_ForceCommand& force, const dds_sample_info_t&) {
         back |= force.echo_number == state.number;
+        out.allocations = force.number;
       });
     }
-    if (back && k > warm_up) out.push_back(1e-3 * static_cast<double>(monotonic_ns() - sent));
+    if (back && k > warm_up) out.us.push_back(1e-3 * static_cast<double>(monotonic_ns() - sent));
   }
-  std::sort(out.begin(), out.end());
+  std::sort(out.us.begin(), out.us.end());
   return out;
 }
 
@@ -99,12 +109,16 @@ void measure(const char* name, const std::string& keys) {
       prctl(PR_SET_PDEATHSIG, SIGKILL);
       answer(domain, as("daemon"));
     }
-    const std::vector<double> us = ask(domain, as("device"));
+    const Asked asked = ask(domain, as("device"));
+    const std::vector<double>& us = asked.us;
     const auto at = [&](double share) {
       return us[static_cast<std::size_t>(share * static_cast<double>(us.size() - 1))];
     };
-    std::printf("%-8s round trip p50 %.1f, p99 %.1f, p99.9 %.1f, max %.1f us, %zu of %d answered\n", name,
-                at(0.5), at(0.99), at(0.999), us.back(), us.size(), rounds - warm_up);
+    std::printf(
+        "%-8s round trip p50 %.1f, p99 %.1f, p99.9 %.1f, max %.1f us, %zu of %d answered, %llu allocations a "
+        "write\n",
+        name, at(0.5), at(0.99), at(0.999), us.back(), us.size(), rounds - warm_up,
+        static_cast<unsigned long long>(asked.allocations));
     std::fflush(stdout);
     kill(server, SIGKILL);
     _exit(0);
