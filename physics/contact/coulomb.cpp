@@ -79,27 +79,20 @@ class CoulombSolve {
         ws_(ws),
         options_(options),
         result_(result),
-        rows_(3 * system.contacts) {}
+        rows_(3 * system.contacts),
+        most_sweeps_(options.max_sweeps),
+        most_newton_(options.max_newton) {}
 
   void run() noexcept {
     begin(ws_.raised > 0 ? options_.raised_diagonal : options_.relative_diagonal);
     if (ws_.raised > 0) --ws_.raised;
-    for (int length = 2; open(); length = std::min(2 * length, longest_run_of_sweeps)) {
-      // The warm start did not serve.
-      if (length == 4) {
-        lambda_.setZero();
-        s_.compute_delta(lambda_.data(), ws_.delta.data());
-      }
-      sweeps(length);
-      for (const Stage& stage : stages) {
-        if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
-        if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
-            ws_.factor.pivot_ratio < hyperstatic) {
-          std::copy_n(ws_.best.data(), rows_, lambda_.data());
-          begin(options_.raised_diagonal);
-          ws_.raised = solves_raised;
-        }
-      }
+    alternate();
+    // What all of that has left unsolved is ill-posed as it stands; once more, on a softer problem.
+    if (!done() && !options_.deadline.passed()) {
+      raise(std::max(options_.raised_diagonal, 10 * s_.epsilon));
+      most_sweeps_ += options_.max_sweeps;
+      most_newton_ += options_.max_newton;
+      alternate();
     }
     for (int i = 0; i < s_.contacts; ++i)
       lambda_.segment<3>(3 * i) = feasible(Eigen::Map<const Vec3>(ws_.best.data() + 3 * i), s_.mu[i]);
@@ -111,8 +104,32 @@ class CoulombSolve {
   }
 
  private:
+  // Sweeps and Newton in turns.
+  void alternate() noexcept {
+    for (int length = 2; open(); length = std::min(2 * length, longest_run_of_sweeps)) {
+      // The warm start did not serve.
+      if (length == 4) {
+        lambda_.setZero();
+        s_.compute_delta(lambda_.data(), ws_.delta.data());
+      }
+      sweeps(length);
+      for (const Stage& stage : stages) {
+        if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
+        if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
+            ws_.factor.pivot_ratio < hyperstatic)
+          raise(options_.raised_diagonal);
+      }
+    }
+  }
+
+  void raise(double epsilon) noexcept {
+    std::copy_n(ws_.best.data(), rows_, lambda_.data());
+    begin(epsilon);
+    ws_.raised = solves_raised;
+  }
+
   bool open() const noexcept {
-    return !done() && result_.sweeps < options_.max_sweeps && !options_.deadline.passed();
+    return !done() && result_.sweeps < most_sweeps_ && !options_.deadline.passed();
   }
 
   // From now on with this relative diagonal: another problem, with a best of its own.
@@ -141,7 +158,7 @@ class CoulombSolve {
   }
 
   void sweeps(int length) noexcept {
-    for (int k = 1; k <= length && result_.sweeps < options_.max_sweeps; ++k) {
+    for (int k = 1; k <= length && result_.sweeps < most_sweeps_; ++k) {
       sweep();
       ++result_.sweeps;
       const bool late = options_.deadline.passed();
@@ -183,7 +200,7 @@ class CoulombSolve {
       std::copy_n(to, rows_, lambda_.data());
       s_.compute_delta(lambda_.data(), ws_.delta.data());
     };
-    while (!done() && result_.newton < options_.max_newton) {
+    while (!done() && result_.newton < most_newton_) {
       ++result_.newton;
       std::copy_n(lambda_.data(), rows_, ws_.start.data());
       std::copy_n(ws_.delta.data(), rows_, ws_.start_delta.data());
@@ -240,6 +257,8 @@ class CoulombSolve {
   const CoulombOptions& options_;
   CoulombResult& result_;
   int rows_;
+  int most_sweeps_;
+  int most_newton_;
 };
 
 }  // namespace
