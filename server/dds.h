@@ -82,8 +82,8 @@ class Participant {
 
 using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
 
-Qos realtime_qos(int depth);   // best effort, volatile, keep last `depth`
-Qos retained_qos();            // reliable, transient-local, keep last 1
+Qos realtime_qos(int depth);  // best effort, volatile, keep last `depth`
+Qos retained_qos();           // reliable, transient-local, keep last 1
 
 inline constexpr int state_reader_depth = 8;
 
@@ -129,9 +129,9 @@ struct TopicTraits<hapticd_msg_SceneUpdate> {
 template <typename T>
 DdsEntity make_topic(const Participant& participant) {
   using Traits = TopicTraits<T>;
-  return DdsEntity(require(
-      dds_create_topic(participant.handle(), &Traits::descriptor(), Traits::name, nullptr, nullptr),
-      std::string("topic ") + Traits::name));
+  return DdsEntity(
+      require(dds_create_topic(participant.handle(), &Traits::descriptor(), Traits::name, nullptr, nullptr),
+              std::string("topic ") + Traits::name));
 }
 
 template <typename T>
@@ -162,8 +162,10 @@ class Writer {
 template <typename T>
 class Reader {
  public:
-  explicit Reader(const Participant& participant)
-      : topic_(make_topic<T>(participant)),
+  explicit Reader(const Participant& participant) : Reader(participant, dds_topic_filter{}) {}
+  // With a filter, which Cyclone's receive thread asks before it keeps a sample.
+  Reader(const Participant& participant, const dds_topic_filter& filter)
+      : topic_(filtered(make_topic<T>(participant), filter)),
         entity_(require(dds_create_reader(participant.handle(), topic_.handle(),
                                           TopicTraits<T>::reader_qos().get(), nullptr),
                         std::string("reader of ") + TopicTraits<T>::name)) {}
@@ -193,6 +195,13 @@ class Reader {
       if (infos[k].valid_data) f(*static_cast<const T*>(buffer[k]), infos[k]);
     }
     return n;
+  }
+
+  static DdsEntity filtered(DdsEntity topic, const dds_topic_filter& filter) {
+    if (filter.mode != DDS_TOPIC_FILTER_NONE)
+      require(dds_set_topic_filter_extended(topic.handle(), &filter),
+              std::string("filter on ") + TopicTraits<T>::name);
+    return topic;
   }
 
   // How many writers there are.
