@@ -8,7 +8,7 @@
 //   haptic/scene/update      SceneUpdate     reliable, transient-local, keep last 1
 //
 // No topic has a latency budget: any above zero loses most 1 kHz samples. State has *shared*
-// ownership and a reader depth of 8, and the daemon itself keeps to the first client
+// ownership and a reader depth of 8, and the daemon itself keeps to the first client, by a filter
 // (device_bridge.h). Exclusive ownership cannot do that: between writers of equal strength Cyclone
 // gives the instance to the lower GUID, so that a second client silenced the first in 9 of 20 trials,
 // and hid the loser, so that the conflict could not even be reported.
