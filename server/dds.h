@@ -8,7 +8,7 @@
 //   haptic/scene/update      SceneUpdate     reliable, transient-local, keep last 1
 //
 // No topic has a latency budget: any above zero loses most 1 kHz samples. State has *shared*
-// ownership and a reader depth of 8, and the daemon itself keeps to the first client
+// ownership and a reader depth of 8, and the daemon itself keeps to the first client, by a filter
 // (device_bridge.h). Exclusive ownership cannot do that: between writers of equal strength Cyclone
 // gives the instance to the lower GUID, so that a second client silenced the first in 9 of 20 trials,
 // and hid the loser, so that the conflict could not even be reported.
@@ -166,8 +166,10 @@ class Writer {
 template <typename T>
 class Reader {
  public:
-  explicit Reader(const Participant& participant)
-      : topic_(make_topic<T>(participant)),
+  explicit Reader(const Participant& participant) : Reader(participant, dds_topic_filter{}) {}
+  // With a filter, which Cyclone's receive thread asks before it keeps a sample.
+  Reader(const Participant& participant, const dds_topic_filter& filter)
+      : topic_(filtered(make_topic<T>(participant), filter)),
         entity_(require(dds_create_reader(participant.handle(), topic_.handle(),
                                           TopicTraits<T>::reader_qos().get(), nullptr),
                         std::string("reader of ") + TopicTraits<T>::name)) {}
@@ -197,6 +199,13 @@ class Reader {
       if (infos[k].valid_data) f(*static_cast<const T*>(buffer[k]), infos[k]);
     }
     return n;
+  }
+
+  static DdsEntity filtered(DdsEntity topic, const dds_topic_filter& filter) {
+    if (filter.mode != DDS_TOPIC_FILTER_NONE)
+      require(dds_set_topic_filter_extended(topic.handle(), &filter),
+              std::string("filter on ") + TopicTraits<T>::name);
+    return topic;
   }
 
   // How many writers there are.

@@ -13,6 +13,14 @@ namespace {
 
 constexpr std::int64_t silence_ns = 100'000'000;
 
+dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void* self) noexcept {
+  dds_topic_filter filter{};
+  filter.mode = DDS_TOPIC_FILTER_SAMPLE_SAMPLEINFO_ARG;
+  filter.f.sample_sampleinfo_arg = f;
+  filter.arg = self;
+  return filter;
+}
+
 // Until the word is no longer `value` or the time has come (CLOCK_MONOTONIC); false: the time has come.
 bool wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, std::int64_t until_ns) noexcept {
   const timespec t{until_ns / 1'000'000'000, until_ns % 1'000'000'000};
@@ -68,7 +76,15 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
 }
 
 DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events)
-    : device_id_(device_id), reader_(participant), writer_(participant) {
+    : device_id_(device_id),
+      reader_(participant, state_filter(
+                               [](const void* sample, const dds_sample_info_t* info, void* self) {
+                                 return static_cast<DdsDevicePort*>(self)->wanted(
+                                     *static_cast<const hapticd_msg_DeviceState*>(sample),
+                                     info->publication_handle);
+                               },
+                               this)),
+      writer_(participant) {
   if (!events) return;
   const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
                                                                                  &dds_delete_listener);
@@ -79,6 +95,17 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
 
 DdsDevicePort::~DdsDevicePort() {
   dds_set_listener(reader_.handle(), nullptr);  // waits for a callback that is under way
+}
+
+// Cyclone's receive thread.
+bool DdsDevicePort::wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept {
+  if (state.device_id != device_id_) return false;
+  const dds_instance_handle_t client = client_.load(std::memory_order_relaxed);
+  if (client == 0 || writer == client) return true;
+  // Silent: `admit` is to decide.
+  if (monotonic_ns() - client_heard_ns_.load(std::memory_order_relaxed) >= silence_ns) return true;
+  stranger_.store(true, std::memory_order_relaxed);
+  return false;
 }
 
 // Cyclone's receive thread.
@@ -131,7 +158,8 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
   // Before the samples are taken: one that comes in between wakes for nothing, and is not slept over.
   seen_ = arrivals_.load(std::memory_order_acquire);
   taken_.store(seen_, std::memory_order_relaxed);
-  presence_.new_client = presence_.conflict = false;
+  presence_.new_client = false;
+  presence_.conflict = stranger_.exchange(false, std::memory_order_relaxed);
   const dds_instance_handle_t gone = departed();
   const std::int64_t unix_now = dds_time();
   const int n = std::max(reader_.take_into(samples_, infos_), 0);
@@ -153,6 +181,8 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
     if (info.instance_state != DDS_ALIVE_INSTANCE_STATE && writers_ == 1) pinned_ = 0;
   }
   if (pinned_ == gone) pinned_ = 0;
+  client_.store(pinned_, std::memory_order_relaxed);
+  client_heard_ns_.store(heard_ns_, std::memory_order_relaxed);
   last_take_ns_ = now_ns;
   presence_.connected = pinned_ != 0;
   return taken && presence_.connected;

@@ -6,8 +6,10 @@
 // when it is silent for 100 ms (a killed process disposes nothing, its lease lasts 10 s); the next
 // writer heard is then a new client. The same writer coming back is not new: it has to show
 // enable false → true to be armed again.
-// received_ns: the client's send time, as DDS stamps it, moved into the interval between the previous
-// take and this one: right to microseconds on one machine, and never beyond one tick elsewhere.
+// Refused already by a filter in Cyclone's receive thread, before a sample is kept: what is for another
+// device or from a stranger while the client is heard. Neither can displace the client's states, or keep the
+// loop busy. received_ns: the client's send time, as DDS stamps it, moved into the interval between the
+// previous take and this one: right to microseconds on one machine, and never beyond one tick elsewhere.
 // await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex, whose
 // time-out is on CLOCK_MONOTONIC (a waitset's is on the wall clock, which may be set back). It is installed
 // only where `events` says so: the fixed tick has no use for it. Thread safety: one thread, the haptic
@@ -40,10 +42,15 @@ class DdsDevicePort final : public DevicePort {
   static_assert(std::atomic<std::uint32_t>::is_always_lock_free);
 
   void arrived() noexcept;
+  bool wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept;
   dds_instance_handle_t departed() noexcept;
   bool admit(dds_instance_handle_t writer, std::int64_t now_ns) noexcept;
 
   std::uint32_t device_id_;
+  // What the receive thread needs for `wanted`, as of the last take; and what it tells the next.
+  std::atomic<dds_instance_handle_t> client_{0};
+  std::atomic<std::int64_t> client_heard_ns_{0};
+  std::atomic<bool> stranger_{false};
   Reader<hapticd_msg_DeviceState> reader_;
   Writer<hapticd_msg_ForceCommand> writer_;
   std::array<hapticd_msg_DeviceState, batch> samples_{};

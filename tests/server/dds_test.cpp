@@ -238,6 +238,7 @@ TEST_F(Dds, SilentClientLosesTheDeviceAfter100ms) {
     EXPECT_FALSE(port.take(heard + 50 * ms, sample));
     return port.presence().conflict;
   }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(120));  // strangers are refused as they arrive
   second.send();
   ASSERT_TRUE(within_two_seconds([&] { return port.take(heard + 200 * ms, sample); }));
   EXPECT_TRUE(port.presence().new_client);

@@ -99,5 +99,30 @@ TEST(Soak, WithoutADaemonToAttachToItSaysWhere) {
   EXPECT_NE(r.output.find("no daemon answered"), std::string::npos) << r.output;
 }
 
+// Every attack, one after another and all at once: what the well-behaved client felt was bounded.
+TEST(Abuse, NoAttackMakesAForceUnboundedOrStopsTheDaemon) {
+  for (const std::string mode : {"tick", "event"}) {
+    const ScratchDirectory scratch;
+    const std::string json = scratch.file("abuse.json");
+    const CommandResult r = run_haptic("abuse --seconds 0.6 --mode " + mode + " --domain " +
+                                       std::to_string(test_domain()) + " --json " + json);
+    std::ifstream in(json);
+    ASSERT_TRUE(in) << r.output;
+    const nlohmann::json j = nlohmann::json::parse(in);
+    EXPECT_TRUE(j.at("daemon_survived")) << r.output;
+    EXPECT_EQ(j.at("allocations_in_haptic_code"), 0);
+    EXPECT_GT(j.at("states_rejected_of_the_attacked"), 100);
+    EXPECT_GT(j.at("conflicts"), 100);
+    EXPECT_LE(j.at("attacked_device_force_max_n").get<double>(), 3.3);
+    for (const auto& stage : j.at("stages")) {
+      EXPECT_LE(stage.at("force_max_n").get<double>(), j.at("force_limit_n").get<double>()) << stage;
+      EXPECT_LE(stage.at("step_max_n").get<double>(), 1.000001 * j.at("step_limit_n").get<double>()) << stage;
+      // A busy test machine may cost more than a measured run's 1 %.
+      EXPECT_GT(stage.at("answered_of_sent").get<double>(), 0.9) << stage;
+    }
+    EXPECT_EQ(r.code, j.at("verdict") == "pass" ? 0 : 1) << r.output;
+  }
+}
+
 }  // namespace
 }  // namespace hapticd
