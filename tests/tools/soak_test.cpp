@@ -99,7 +99,8 @@ TEST(Soak, WithoutADaemonToAttachToItSaysWhere) {
   EXPECT_NE(r.output.find("no daemon answered"), std::string::npos) << r.output;
 }
 
-// Every attack, one after another and all at once: what the well-behaved client felt was bounded.
+// Every attack, one after another and all at once: what the well-behaved client felt was bounded. How many of
+// its slots were answered is judged by a measured run, not here (haptic/README.md, "What it does not do").
 TEST(Abuse, NoAttackMakesAForceUnboundedOrStopsTheDaemon) {
   for (const std::string mode : {"tick", "event"}) {
     const ScratchDirectory scratch;
@@ -117,8 +118,6 @@ TEST(Abuse, NoAttackMakesAForceUnboundedOrStopsTheDaemon) {
     for (const auto& stage : j.at("stages")) {
       EXPECT_LE(stage.at("force_max_n").get<double>(), j.at("force_limit_n").get<double>()) << stage;
       EXPECT_LE(stage.at("step_max_n").get<double>(), 1.000001 * j.at("step_limit_n").get<double>()) << stage;
-      // A busy test machine may cost more than a measured run's 1 %.
-      EXPECT_GT(stage.at("answered_of_sent").get<double>(), 0.9) << stage;
     }
     EXPECT_EQ(r.code, j.at("verdict") == "pass" ? 0 : 1) << r.output;
   }
