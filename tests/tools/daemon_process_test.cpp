@@ -6,61 +6,17 @@
 #include <string>
 #include <vector>
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "haptic/loop.h"
 #include "server/dds.h"
+#include "tests/support/process.h"
 
 namespace hapticd {
 namespace {
 
 constexpr std::int64_t ms = 1'000'000;
-
-// A child process; killed with its owner.
-class Process {
- public:
-  explicit Process(const std::vector<std::string>& command) {
-    pid_ = fork();
-    if (pid_ != 0) return;
-    const int null = open("/dev/null", O_RDWR);
-    for (int fd : {0, 1, 2}) dup2(null, fd);
-    std::vector<char*> argv;
-    for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
-    argv.push_back(nullptr);
-    execv(argv[0], argv.data());
-    _exit(127);
-  }
-  ~Process() {
-    signal(SIGKILL);
-    wait(2000);
-  }
-  Process(const Process&) = delete;
-  Process& operator=(const Process&) = delete;
-
-  void signal(int number) const {
-    if (pid_ > 0) kill(pid_, number);
-  }
-  // Exit code, −signal, or 1000 when it did not end in time.
-  int wait(int timeout_ms) {
-    for (int i = 0; pid_ > 0 && i < timeout_ms; ++i) {
-      int status = 0;
-      if (waitpid(pid_, &status, WNOHANG) == pid_) {
-        pid_ = 0;
-        code_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
-      } else {
-        usleep(1000);
-      }
-    }
-    return code_;
-  }
-
- private:
-  pid_t pid_ = 0;
-  int code_ = 1000;
-};
 
 class DaemonProcess : public testing::Test {
  protected:
@@ -115,9 +71,9 @@ class DaemonProcess : public testing::Test {
 };
 
 TEST_F(DaemonProcess, AKilledClientsForceEndsAndANewClientArmsAgain) {
-  Process daemon(daemon_command());
+  ChildProcess daemon(daemon_command());
   for (int life = 0; life < 2; ++life) {
-    Process client(client_command());
+    ChildProcess client(client_command());
     ASSERT_TRUE(await_force(15'000 * ms, [](const auto& f) { return f.status == 0 && magnitude(f) > 0.02; }))
         << "life " << life << ": never in contact";
     const std::int64_t killed = monotonic_ns();
@@ -133,8 +89,8 @@ TEST_F(DaemonProcess, AKilledClientsForceEndsAndANewClientArmsAgain) {
 }
 
 TEST_F(DaemonProcess, SigtermEndsItCleanlyWithinASecondEvenInContact) {
-  Process daemon(daemon_command());
-  Process client(client_command());
+  ChildProcess daemon(daemon_command());
+  ChildProcess client(client_command());
   ASSERT_TRUE(await_force(15'000 * ms, [](const auto& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   const std::int64_t asked = monotonic_ns();
   daemon.signal(SIGTERM);
