@@ -53,10 +53,10 @@ struct ComplianceOptions {
 // usable, and not proven better. degraded: the error is above `usable_error`, or the base failed.
 enum class ComplianceHealth : std::uint8_t { good, rebase_wanted, degraded };
 
-// Of the last update.
+// Of the last update; residual and error of the last sample, 0 while a new base has none (never `good` then).
 struct ComplianceReport {
   ComplianceHealth health = ComplianceHealth::good;
-  bool wants_base = false;  // not good, or a new base is due by rotation, age or what is carried
+  bool wants_base = false;  // degraded, or a new base is due by error, rotation, age or what is carried
   double residual = 0;      // ‖A y − b‖/‖b‖ of one sampled solve y = C b, against the true A(u)
   double error = 0;         // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
   int removed_since_base = 0;
