@@ -155,7 +155,7 @@ bool NodeTurn::joined_around(const Tet& tet, const TissueState& state) {
 
 void NodeTurn::by_piece(const TissueState& state, std::vector<Mat3>& Q) {
   if (removed_ != state.removed && !still_whole(state)) {
-    piece_of_tet_ = label_fragments(model_, state);
+    piece_of_tet_ = label_pieces(model_, state);
     piece_of_node_.assign(model_.node_count(), -1);
     int pieces = 0;
     for (int t = 0; t < model_.tet_count(); ++t) {

@@ -1,12 +1,47 @@
 #include "physics/simulation/body.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
+
+#include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
 namespace {
 
 constexpr double sleeping_speed = 1e-5;  // [m/s]
+
+constexpr double far_turn = 0.3;  // [rad] in a step
+
+bool turned_far(const Mat3& from, const Mat3& to) {
+  return from.cwiseProduct(to).sum() < 1 + 2 * std::cos(far_turn);  // tr(fromᵀ to) = 1 + 2 cos θ
+}
+
+// Δx_free, where it holds f_int so far.
+void free_motion_of_force(Body& body, double h) {
+  external_forces(body.model, body.state, body.scratch);
+  body.dx_free += body.scratch;
+  for (int n = 0; n < body.model.node_count(); ++n)
+    if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
+      body.dx_free.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
+  body.compliance->apply(body.dx_free, body.dx_free);
+}
+
+// In f_int, the force of a tetrahedron: that of the factor's own linear law, R sym(RᵀF), instead of the
+// present.
+void keep_factored_rotation(Body& body, int t) {
+  const TissueModel& m = body.model;
+  const Tet& tet = m.mesh.tets[t];
+  const Mat3 F = deformation_gradient(corners_of(tet, body.state.x), m.gradients[t]);
+  const Mat3& R = body.factored_rotation[t];
+  const Mat3 A = R.transpose() * F;
+  const double mu = m.material.mu(), lambda = m.material.lambda();
+  const Corners change =
+      element_forces(0.5 * R * (A + A.transpose()), R, m.gradients[t], m.volume[t], mu, lambda) -
+      element_forces(F, body.state.rotation[t], m.gradients[t], m.volume[t], mu, lambda);
+  for (int a = 0; a < 4; ++a)
+    if (!m.fixed[tet[a]]) body.dx_free.segment<3>(3 * tet[a]) += change.col(a);
+}
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
   if (s.deformable) return make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
@@ -57,12 +92,17 @@ bool at_rest(const Body& body) {
 
 void compute_free_motion(Body& body, double h) {
   internal_forces(body.model, body.state, body.dx_free);
-  external_forces(body.model, body.state, body.scratch);
-  body.dx_free += body.scratch;
-  for (int n = 0; n < body.model.node_count(); ++n)
-    if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
-      body.dx_free.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
-  body.compliance->apply(body.dx_free, body.dx_free);
+  free_motion_of_force(body, h);
+}
+
+void fresh_free_motion(Body& body, double h) {
+  body.factored_rotation = body.state.rotation;
+  update_rotations(body.model, body.state);
+  internal_forces(body.model, body.state, body.dx_free);
+  for (int t = 0; t < body.model.tet_count(); ++t)
+    if (body.state.alive[t] && turned_far(body.factored_rotation[t], body.state.rotation[t]))
+      keep_factored_rotation(body, t);
+  free_motion_of_force(body, h);
 }
 
 void correct(Body& body, const VecX* contact_force, double h) {

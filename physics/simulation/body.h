@@ -39,6 +39,7 @@ struct Body {
   std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
   VecX dx_free;
   VecX scratch;
+  std::vector<Mat3> factored_rotation;     // per tetrahedron, as it is in the present factor
   bool asleep = false;  // at rest and out of reach: its step is skipped
 
   // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
@@ -62,6 +63,11 @@ bool at_rest(const Body& body);
 
 // Δx_free at the present state, with the factor the compliance holds.
 void compute_free_motion(Body& body, double h);
+
+// The rotations of the corrected state, then the same. A tetrahedron that turned by more than 0.3 rad in this
+// step has the force of the law its factor was made of: with its new rotation that factor has next to no
+// stiffness against it, and a light flap that hangs by an edge would be thrown by metres, its neighbours too.
+void fresh_free_motion(Body& body, double h);
 
 // x += Δx_free + C f (f: contact forces per node, may be null), v = Δx/h.
 void correct(Body& body, const VecX* contact_force, double h);

@@ -69,8 +69,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
 
   for (Body& body : bodies_)
     if (body.deformable && !body.asleep) {
-      update_rotations(body.model, body.state);
-      compute_free_motion(body, settings_.h);
+      fresh_free_motion(body, settings_.h);
     }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
   if (contacts_.any()) condense_bodies(problem, report);

@@ -15,9 +15,38 @@ int root_of(std::vector<int>& parent, int node) {
   return node;
 }
 
+// Numbers of the live tetrahedra, by the root of `key(t)`, in the order of the lowest.
+template <typename Key>
+std::vector<int> numbered(const TissueState& state, std::vector<int>& parent, const Key& key) {
+  std::vector<int> label(state.alive.size(), -1);
+  std::vector<int> label_of_root(parent.size(), -1);
+  int labels = 0;
+  for (int t = 0; t < static_cast<int>(label.size()); ++t) {
+    if (!state.alive[t]) continue;
+    int& of_root = label_of_root[root_of(parent, key(t))];
+    if (of_root < 0) of_root = labels++;
+    label[t] = of_root;
+  }
+  return label;
+}
+
 }  // namespace
 
 std::vector<int> label_fragments(const TissueModel& model, const TissueState& state) {
+  std::vector<int> parent(model.tet_count());
+  std::iota(parent.begin(), parent.end(), 0);
+  for (int t = 0; t < model.tet_count(); ++t) {
+    if (!state.alive[t]) continue;
+    for (int id = 4 * t; id < 4 * t + 4; ++id) {
+      const int neighbour = model.across[id] / 4;
+      if (model.across[id] >= 0 && state.alive[neighbour])
+        parent[root_of(parent, neighbour)] = root_of(parent, t);
+    }
+  }
+  return numbered(state, parent, [](int t) { return t; });
+}
+
+std::vector<int> label_pieces(const TissueModel& model, const TissueState& state) {
   std::vector<int> parent(model.node_count());
   std::iota(parent.begin(), parent.end(), 0);
   for (int t = 0; t < model.tet_count(); ++t) {
@@ -25,17 +54,7 @@ std::vector<int> label_fragments(const TissueModel& model, const TissueState& st
     const Tet& tet = model.mesh.tets[t];
     for (int a = 1; a < 4; ++a) parent[root_of(parent, tet[a])] = root_of(parent, tet[0]);
   }
-
-  std::vector<int> label(model.tet_count(), -1);
-  std::vector<int> label_of_root(model.node_count(), -1);
-  int labels = 0;
-  for (int t = 0; t < model.tet_count(); ++t) {
-    if (!state.alive[t]) continue;
-    int& of_root = label_of_root[root_of(parent, model.mesh.tets[t][0])];
-    if (of_root < 0) of_root = labels++;
-    label[t] = of_root;
-  }
-  return label;
+  return numbered(state, parent, [&](int t) { return model.mesh.tets[t][0]; });
 }
 
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state) {

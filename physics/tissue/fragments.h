@@ -1,7 +1,9 @@
 // The connected pieces of the live tissue: what a cut has set free.
 //
-// Two live tetrahedra belong to the same fragment when a chain of shared nodes joins them. Fragments are
-// numbered by their lowest tetrahedron, so the numbering does not depend on how they were found.
+// Two live tetrahedra belong to the same fragment when a chain of shared faces joins them: an edge or a node
+// has no area, and tissue that hangs by one alone is a hinge that nothing holds. They belong to the same
+// *piece* when a chain of shared nodes joins them: what moves one of it moves all. Both are numbered by their
+// lowest tetrahedron, so the numbering does not depend on how they were found.
 // Units: volume at rest [m³]. Cost: one pass of union–find over the tetrahedra.
 #pragma once
 
@@ -17,10 +19,11 @@ struct Fragment {
   double volume = 0;
 };
 
-// Per tetrahedron the number of its fragment; -1 for removed ones.
+// Per tetrahedron the number of its fragment, or of its piece; -1 for removed ones.
 std::vector<int> label_fragments(const TissueModel& model, const TissueState& state);
+std::vector<int> label_pieces(const TissueModel& model, const TissueState& state);
 
-// The fragments themselves, indexed by those labels.
+// The fragments themselves, indexed by their labels.
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state);
 
 }  // namespace hapticd

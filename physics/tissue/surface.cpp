@@ -13,7 +13,7 @@ struct KeyedFace {
   int id;
 };
 
-std::vector<KeyedFace> sorted_faces(const std::vector<Tet>& tets) {
+std::vector<KeyedFace> sorted_faces(std::span<const Tet> tets) {
   std::vector<KeyedFace> faces;
   faces.reserve(4 * tets.size());
   for (int t = 0; t < static_cast<int>(tets.size()); ++t)
@@ -30,20 +30,25 @@ std::vector<KeyedFace> sorted_faces(const std::vector<Tet>& tets) {
 
 }  // namespace
 
-BoundarySurface::BoundarySurface(const TetMesh& mesh)
-    : tets_(mesh.tets),
-      across_(4 * mesh.tets.size(), -1),
-      position_(4 * mesh.tets.size(), -1),
-      alive_(mesh.tets.size(), true) {
-  const std::vector<KeyedFace> faces = sorted_faces(tets_);
+std::vector<int> faces_across(std::span<const Tet> tets) {
+  std::vector<int> across(4 * tets.size(), -1);
+  const std::vector<KeyedFace> faces = sorted_faces(tets);
   for (std::size_t i = 0; i + 1 < faces.size(); ++i) {
     if (faces[i].key != faces[i + 1].key) continue;
-    if (across_[faces[i].id] >= 0)
+    if (across[faces[i].id] >= 0)
       throw std::invalid_argument("more than two tetrahedra share a face of tetrahedron " +
                                   std::to_string(faces[i].id / 4));
-    across_[faces[i].id] = faces[i + 1].id;
-    across_[faces[i + 1].id] = faces[i].id;
+    across[faces[i].id] = faces[i + 1].id;
+    across[faces[i + 1].id] = faces[i].id;
   }
+  return across;
+}
+
+BoundarySurface::BoundarySurface(const TetMesh& mesh)
+    : tets_(mesh.tets),
+      across_(faces_across(mesh.tets)),
+      position_(4 * mesh.tets.size(), -1),
+      alive_(mesh.tets.size(), true) {
   for (int id = 0; id < static_cast<int>(across_.size()); ++id)
     if (across_[id] < 0) insert(id, false);
 }

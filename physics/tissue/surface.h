@@ -4,7 +4,7 @@
 //
 // Triangles are wound outward. A face's id is 4·tet + face (outward_face), for good: a face that comes
 // and goes elsewhere never renumbers the others. The order of `faces()` changes with removals.
-// Contract: a face belongs to at most two tetrahedra; the constructor throws std::invalid_argument otherwise.
+// Contract: a face belongs to at most two tetrahedra; the constructor throws otherwise.
 #pragma once
 
 #include <span>
@@ -20,6 +20,10 @@ struct SurfaceFace {
   bool cut;  // exposed by a removal, not on the original boundary
 };
 
+// Per face id the id of the same face seen from the neighbour, or -1 on the mesh's boundary.
+// Errors: std::invalid_argument if more than two tetrahedra share a face.
+std::vector<int> faces_across(std::span<const Tet> tets);
+
 class BoundarySurface {
  public:
   explicit BoundarySurface(const TetMesh& mesh);
@@ -34,7 +38,7 @@ class BoundarySurface {
   void erase(int id);
 
   std::vector<Tet> tets_;
-  std::vector<int> across_;    // per face id: the id of the same face seen from the neighbour, or -1
+  std::vector<int> across_;    // faces_across
   std::vector<int> position_;  // per face id: index into faces_, or -1
   std::vector<bool> alive_;    // per tetrahedron
   std::vector<SurfaceFace> faces_;

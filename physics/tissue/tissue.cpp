@@ -4,6 +4,7 @@
 #include <string>
 
 #include "physics/tissue/rotation.h"
+#include "physics/tissue/surface.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
@@ -52,6 +53,7 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
     model.gradients.push_back(shape.gradients);
     model.volume.push_back(shape.volume);
   }
+  model.across = faces_across(model.mesh.tets);
   model.fixed.assign(model.node_count(), 0);
   for (const int n : fixed_nodes) {
     if (n < 0 || n >= model.node_count())

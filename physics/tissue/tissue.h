@@ -24,6 +24,7 @@ struct TissueModel {
   Material material;
   std::vector<Gradients> gradients;      // per tetrahedron, rest shape
   std::vector<double> volume;            // per tetrahedron [m³]
+  std::vector<int> across;               // faces_across (surface.h)
   std::vector<std::uint8_t> fixed;       // per node
   Vec3 gravity = Vec3::Zero();           // [m/s²]
 

@@ -144,5 +144,35 @@ TEST(Removal, SuctionTakesOnlyLooseReachableSmallFragments) {
   EXPECT_EQ(fragments_at_tip(b.model, b.state, b.instrument, at_end, {0, 0, 1e-3, beyond - 1}).fragments, 0);
 }
 
+TEST(Removal, SuctionTakesWhatHangsByAnEdge) {
+  TetMesh mesh = box_mesh(Vec3(2e-3, 1e-3, 1e-3), 2, 1, 1);
+  std::vector<int> held;
+  for (int n = 0; n < static_cast<int>(mesh.nodes.size()); ++n)
+    if (mesh.nodes[n].x() < 1e-6) held.push_back(n);
+  Block b;
+  b.model = make_tissue_model(mesh, {3000, 0.45, 1000, 0, 0}, held, Vec3::Zero());
+  b.state = rest_state(b.model);
+  // Of the far cell, all but what has no face in common with the near one.
+  std::vector<int> gone, hinged;
+  for (int e = 0; e < b.model.tet_count(); ++e) {
+    double x = 0;
+    int shared = 0;
+    for (int n : mesh.tets[e]) {
+      x += 0.25 * mesh.nodes[n].x();
+      shared += std::abs(mesh.nodes[n].x() - 1e-3) < 1e-6;
+    }
+    if (x < 1e-3) continue;
+    (shared == 2 ? hinged : gone).push_back(e);
+  }
+  ASSERT_FALSE(hinged.empty());
+  const Pose at_end{Vec3(2.2e-3, 5e-4, 5e-4), Quat::Identity()};
+  const RemovalSettings settings{0, 0, 1.5e-3, 1000};
+  EXPECT_EQ(fragments_at_tip(b.model, b.state, b.instrument, at_end, settings).fragments, 0);
+  remove_tets(b.model, b.state, gone);
+  std::vector<int> sucked = fragments_at_tip(b.model, b.state, b.instrument, at_end, settings).tets;
+  std::sort(sucked.begin(), sucked.end());
+  EXPECT_EQ(sucked, hinged);
+}
+
 }  // namespace
 }  // namespace hapticd

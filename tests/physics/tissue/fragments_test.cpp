@@ -49,13 +49,22 @@ TEST(Fragments, RemovingTheMiddleLayerMakesTwo) {
   for (int t = 0; t < model.tet_count(); ++t) EXPECT_EQ(label[t], t < 24 ? 0 : t < 48 ? -1 : 1);
 }
 
-TEST(Fragments, OneSharedNodeStillJoins) {
-  TetMesh mesh;
-  mesh.nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}, {5, 5, 5}};
-  mesh.tets = {{0, 1, 2, 3}, {0, 4, 6, 5}};
-  ASSERT_GT(signed_volume(mesh.nodes[0], mesh.nodes[4], mesh.nodes[6], mesh.nodes[5]), 0);
-  const TissueModel model = make_tissue_model(std::move(mesh), soft, {}, Vec3::Zero());
-  EXPECT_EQ(find_fragments(model, rest_state(model)).size(), 1u);
+// Two tetrahedra with one node in common, then an edge, then a face.
+TEST(Fragments, AFaceJoinsFragmentsANodeJoinsPieces) {
+  const std::vector<Vec3> nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
+  const auto joined = [&](const Tet& other, std::size_t fragments) {
+    TetMesh mesh;
+    mesh.nodes = nodes;
+    mesh.tets = {{0, 1, 2, 3}, other};
+    ASSERT_GT(signed_volume(nodes[other[0]], nodes[other[1]], nodes[other[2]], nodes[other[3]]), 0);
+    const TissueModel model = make_tissue_model(std::move(mesh), soft, {}, Vec3::Zero());
+    const TissueState state = rest_state(model);
+    EXPECT_EQ(find_fragments(model, state).size(), fragments);
+    EXPECT_EQ(label_pieces(model, state), (std::vector<int>{0, 0}));
+  };
+  joined({0, 4, 6, 5}, 2);
+  joined({0, 1, 5, 6}, 2);
+  joined({0, 1, 6, 2}, 1);
 }
 
 TEST(Fragments, NothingLeftIsNoFragment) {
