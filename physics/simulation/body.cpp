@@ -9,8 +9,12 @@ namespace {
 constexpr double sleeping_speed = 1e-5;  // [m/s]
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
-  if (s.deformable) return make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
   TissueModel model;
+  if (s.deformable) {
+    model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
+    model.corotational = s.corotational;
+    return model;
+  }
   model.mesh = std::move(s.mesh);
   return model;
 }
