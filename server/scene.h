@@ -32,6 +32,7 @@ struct SceneBody {
   std::vector<int> fixed_nodes;  // deformable only; empty: it floats
   double friction = 0;           // μ against the instrument
   bool removable = false;        // the tip may destroy it
+  bool corotational = true;      // deformable only; not a key of the file
 };
 
 struct Scene {

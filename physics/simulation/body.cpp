@@ -44,8 +44,12 @@ void keep_factored_rotation(Body& body, int t) {
 }
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
-  if (s.deformable) return make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
   TissueModel model;
+  if (s.deformable) {
+    model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
+    model.corotational = s.corotational;
+    return model;
+  }
   model.mesh = std::move(s.mesh);
   return model;
 }

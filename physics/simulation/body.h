@@ -25,6 +25,7 @@ struct BodySettings {
   std::vector<int> fixed_nodes;  // deformable only
   double friction = 0;           // Coulomb μ against the instrument
   bool removable = false;        // the tip may destroy it
+  bool corotational = true;      // deformable only; false: linear, right at small rotations only
 };
 
 struct Body {
