@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 
+#include "physics/tissue/mesh_quality.h"
 #include "server/mesh_reader.h"
 #include "server/paths.h"
 
@@ -46,20 +46,6 @@ Material read_material(const YamlMap& yaml) {
     material.rayleigh_stiffness = rayleigh.number("stiffness", rayleigh_stiffness, 0);
   }
   return material;
-}
-
-// Node that stands for the connected piece of each node.
-std::vector<int> pieces_of(const TetMesh& mesh) {
-  std::vector<int> piece(mesh.nodes.size());
-  std::iota(piece.begin(), piece.end(), 0);
-  const auto root = [&](int n) {
-    while (piece[n] != n) n = piece[n] = piece[piece[n]];
-    return n;
-  };
-  for (const Tet& t : mesh.tets)
-    for (int corner = 1; corner < 4; ++corner) piece[root(t[corner])] = root(t[0]);
-  for (int n = 0; n < static_cast<int>(piece.size()); ++n) piece[n] = root(n);
-  return piece;
 }
 
 std::vector<int> read_fixed_nodes(const YamlMap& yaml, const TetMesh& mesh) {
