@@ -128,15 +128,28 @@ Primitive read_primitive(const YamlMap& yaml) {
 
 }  // namespace
 
+void read_body_pins(const YamlMap& yaml, SceneBody& body) {
+  body.pinned_elements = yaml.has("elements");
+  body.pinned_motion = yaml.has("motion");
+  body.pinned_simulated = yaml.has("simulated");
+  if (body.pinned_elements) body.corotational = yaml.choice("elements", {"corotational", "linear"}) == 0;
+  if (body.pinned_motion) body.dynamic = yaml.choice("motion", {"dynamic", "static"}) == 0;
+  body.simulated = yaml.flag("simulated", true);
+  if (!body.dynamic && !may_be_static(body))
+    throw yaml.error("motion", "static needs a body that is held and cannot be cut: a loose piece has nothing but "
+                               "its mass");
+}
+
 SceneBody read_body(const YamlMap& yaml) {
-  yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable"});
+  yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
+             "elements", "motion", "simulated"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
   body.mesh_file = yaml.folder() / yaml.text("mesh");
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
-    for (const char* key : {"material", "fixed", "floating", "removable"})
+    for (const char* key : {"material", "fixed", "floating", "removable", "elements", "motion", "simulated"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
@@ -153,6 +166,7 @@ SceneBody read_body(const YamlMap& yaml) {
                          (body.mesh.groups.empty() ? "it has none" : listed(names_of(body.mesh.groups))) +
                          "; or say floating: true)");
   if (!floating) body.fixed_nodes = read_fixed_nodes(yaml, body.mesh);
+  read_body_pins(yaml, body);
   return body;
 }
 

@@ -9,18 +9,6 @@ namespace hapticd {
 namespace {
 
 constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
-// Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
-constexpr double haptic_margin = 0.15;  // in alarm distances
-// A hyperstatic patch (contact/README.md) may use them all; its residual is then below 1e-4 already.
-constexpr int haptic_max_sweeps = 50;
-
-HapticOptions haptic_options(const Scene& scene) {
-  HapticOptions options;
-  options.contact.linearisations = 2;
-  options.contact.margin = haptic_margin * scene.alarm_distance;
-  options.contact.coulomb.max_sweeps = haptic_max_sweeps;
-  return options;
-}
 
 nlohmann::json milliseconds(const HistogramSnapshot& h) {
   return {{"p50", 1e-6 * h.percentile(50)},

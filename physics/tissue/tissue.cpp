@@ -73,6 +73,7 @@ TissueState rest_state(const TissueModel& model) {
 }
 
 void update_rotations(const TissueModel& model, TissueState& state) noexcept {
+  if (!model.corotational) return;
   std::array<Mat3, rotation_lanes> F;
   std::array<Mat3*, rotation_lanes> R;
   int filled = 0;

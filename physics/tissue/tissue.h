@@ -26,6 +26,8 @@ struct TissueModel {
   std::vector<double> volume;            // per tetrahedron [m³]
   std::vector<std::uint8_t> fixed;       // per node
   Vec3 gravity = Vec3::Zero();           // [m/s²]
+  bool corotational = true;              // false: every rotation stays the identity, f_int = −K u
+  bool dynamic = true;                   // false: no inertia and no damping, A = K
 
   int node_count() const noexcept { return static_cast<int>(mesh.nodes.size()); }
   int tet_count() const noexcept { return static_cast<int>(mesh.tets.size()); }
@@ -47,7 +49,7 @@ struct TissueState {
 
 TissueState rest_state(const TissueModel& model);
 
-// Rotations of all live tetrahedra at x, warm-started from the state's.
+// Rotations of all live tetrahedra at x, warm-started from the state's; of a linear model they stay.
 void update_rotations(const TissueModel& model, TissueState& state) noexcept;
 
 // f_int(x) at the state's positions and rotations, and f_ext = gravity · mass, 3·nodes entries [N].
