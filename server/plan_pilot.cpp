@@ -149,6 +149,7 @@ PilotRun run_reference(const Scene& scene, const PilotStroke& stroke, int every_
   try {
     WorldSettings settings = world_settings(single);
     settings.compliance_options.base_on_the_spot = true;
+    settings.linearisations = 6;
     const std::unique_ptr<World> world = make_world(single, settings);
     const auto problem = std::make_unique<CondensedProblem>();
     world->step([] { return InstrumentSample{}; }, *problem);

@@ -51,6 +51,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   report.bases_adopted = std::exchange(bases_adopted_, 0);
   InstrumentSample sample = latest();
   follow_instrument(sample);
+  remove_scheduled(report);
   remove_at_tip(sample, report);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     if (bodies_[b].deformable && !bodies_[b].asleep)
@@ -59,7 +60,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   if (!contacts_.empty()) find_body_contacts();
   factor_and_free_motion(sample, report);
 
-  sample = latest();
+  if (settings_.newest_pose) sample = latest();
   gather(sample, problem);
   compliance_of_patch(sample, problem, report);
   if (contacts_.empty())
@@ -71,9 +72,9 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   for (Body& body : bodies_)
     if (body.deformable && !body.asleep) {
       update_rotations(body.model, body.state);
-      compute_free_motion(body, settings_.h);
+      if (settings_.fresh_free_motion) compute_free_motion(body, settings_.h);
     }
-  set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  if (settings_.fresh_free_motion) set_patch_positions(bodies_, gatherer_.nodes(), problem);
   if (contacts_.any()) condense_bodies(problem, report);
   if (rebases_) *last_problem_ = problem;
   report_compliance(report);
@@ -107,17 +108,26 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
         report.fragments_aspirated += sucked.fragments;
       }
     }
-    if (gone > 0) {
-      report.removed += gone;
-      topology_changed_ = true;
-      collision_.set_surface(static_cast<int>(b), body.surface.faces(), body.state.x);
-      contacts_.surface_changed(static_cast<int>(b));
-      // What lay on it may have nothing to lie on now.
-      for (const ContactPair& p : contacts_.pairs())
-        if (p.points == static_cast<int>(b) || p.faces == static_cast<int>(b))
-          bodies_[p.points].asleep = bodies_[p.faces].asleep = false;
-    }
+    removed_from(static_cast<int>(b), gone, report);
   }
+}
+
+void World::remove_scheduled(StepReport& report) {
+  for (const ScheduledRemoval& removal : scheduled_)
+    removed_from(removal.body, remove_from(bodies_[removal.body], removal.tets), report);
+  scheduled_.clear();
+}
+
+void World::removed_from(int b, int gone, StepReport& report) {
+  if (gone == 0) return;
+  const Body& body = bodies_[b];
+  report.removed += gone;
+  topology_changed_ = true;
+  collision_.set_surface(b, body.surface.faces(), body.state.x);
+  contacts_.surface_changed(b);
+  // What lay on it may have nothing to lie on now.
+  for (const ContactPair& p : contacts_.pairs())
+    if (p.points == b || p.faces == b) bodies_[p.points].asleep = bodies_[p.faces].asleep = false;
 }
 
 std::vector<BaseJob> World::wanted_bases() {
@@ -308,7 +318,8 @@ void World::report_compliance(StepReport& report) {
 
 ContactOptions World::contact_options() const {
   ContactOptions options;
-  options.linearisations = 3;
+  options.linearisations = settings_.linearisations;
+  options.coulomb = settings_.coulomb;
   options.margin = settings_.contact == Renewal::frozen ? 0 : contact_margin * settings_.alarm_distance;
   return options;
 }

@@ -41,6 +41,12 @@ struct WorldSettings {
   ComplianceMethod compliance = ComplianceMethod::exact;
   ComplianceOptions compliance_options;
   BodyContactSettings body_contact;  // which bodies touch one another; none by default
+  int linearisations = 3;  // of a step's contact solve
+  CoulombOptions coulomb;
+  // For comparison only (tools/offline_run.h): the paper keeps the pose of the step's start, and publishes the
+  // free motion that the step began with.
+  bool newest_pose = true;
+  bool fresh_free_motion = true;
 };
 
 // A new base that a body's compliance wants: `base->make()` is to be called, on any thread, and the job
@@ -92,6 +98,9 @@ class World {
   // `problem` is written whole, but for `published_ns`.
   StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem);
 
+  // Between steps: the next one begins by removing these, whatever the tip does.
+  void schedule_removal(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
+
   // Between steps: new bases to be made elsewhere, at most one at a time for a body; and back. A body whose
   // base never comes stays right in its zone, and its report says how stale the rest has become.
   std::vector<BaseJob> wanted_bases();
@@ -109,6 +118,8 @@ class World {
 
  private:
   void remove_at_tip(const InstrumentSample& sample, StepReport& report);
+  void remove_scheduled(StepReport& report);
+  void removed_from(int body, int gone, StepReport& report);
   struct ZoneNode {
     double distance;  // [m]
     int node;
@@ -154,6 +165,11 @@ class World {
   VecX contact_force_;
   BodyContacts contacts_;
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
+  struct ScheduledRemoval {
+    int body;
+    std::vector<int> tets;
+  };
+  std::vector<ScheduledRemoval> scheduled_;
   double removal_budget_ = 0;
   int removed_ = 0;
   bool topology_changed_ = false;

@@ -31,6 +31,12 @@ void sum_mass(const TissueModel& model, TissueState& state) {
   }
 }
 
+// What of F strains the tissue: RᵀF is symmetric already where R follows F; of a linear model only the
+// symmetric part counts, the rest is its rotation.
+Mat3 straining(const TissueModel& model, const Mat3& F) noexcept {
+  return model.corotational ? F : Mat3(0.5 * (F + F.transpose()));
+}
+
 }  // namespace
 
 TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
@@ -95,7 +101,7 @@ void internal_forces(const TissueModel& model, const TissueState& state, Eigen::
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
     const Tet& tet = model.mesh.tets[t];
-    const Mat3 F = deformation_gradient(corners_of(tet, state.x), model.gradients[t]);
+    const Mat3 F = straining(model, deformation_gradient(corners_of(tet, state.x), model.gradients[t]));
     const Corners force =
         element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], mu, lambda);
     for (int a = 0; a < 4; ++a) f.segment<3>(3 * tet[a]) += force.col(a);
@@ -119,7 +125,8 @@ double elastic_energy(const TissueModel& model, const TissueState& state) noexce
   double energy = 0;
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
-    const Mat3 F = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
+    const Mat3 F =
+        straining(model, deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]));
     energy += element_energy(F, state.rotation[t], model.volume[t], mu, lambda);
   }
   return energy;

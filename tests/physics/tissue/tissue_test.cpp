@@ -179,6 +179,26 @@ TEST(Tissue, RemovalEqualsAModelWithoutTheElements) {
   for (int n = 0; n < model.node_count(); ++n) EXPECT_DOUBLE_EQ(state.mass[n], other.mass[n]);
 }
 
+// f = −K u for any u, K symmetric with the infinitesimal rotations in its null space.
+TEST(Tissue, OfALinearModelForceIsLinearAndInfinitesimalRotationsAreFree) {
+  TissueModel model = box_model(2);
+  model.corotational = false;
+  std::mt19937 random(9);
+  TissueState state = rest_state(model), twice = state, spun = state;
+  for (int n = 0; n < model.node_count(); ++n) {
+    const Vec3 u = random_vector(random, 3e-3);
+    state.x[n] += u;
+    twice.x[n] += 2 * u;
+    spun.x[n] += Vec3(1, -2, 0.5).cross(model.mesh.nodes[n]);
+  }
+  for (TissueState* s : {&state, &twice, &spun}) update_rotations(model, *s);
+  EXPECT_LT((internal(model, twice) - 2 * internal(model, state)).norm(),
+            1e-12 * internal(model, state).norm());
+  EXPECT_NEAR(elastic_energy(model, twice), 4 * elastic_energy(model, state),
+              1e-12 * elastic_energy(model, twice));
+  EXPECT_LT(internal(model, spun).norm(), 1e-10 * force_scale());
+}
+
 TEST(Tissue, RefusesBadMeshesByName) {
   TetMesh mesh = box_mesh(size, 1, 1, 1);
   std::swap(mesh.tets[3][0], mesh.tets[3][1]);

@@ -1,0 +1,364 @@
+#include "tools/offline_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <deque>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+
+#include "haptic/haptic_step.h"
+#include "physics/tissue/tetrahedron.h"
+#include "server/scene_world.h"
+#include "tools/local_model.h"
+
+namespace hapticd {
+
+namespace {
+
+constexpr double tick = 1e-3;     // [s]
+constexpr double instant = 1e-9;  // times closer than this are the same [s]
+constexpr std::int64_t first_ns = 1'000'000'000;
+
+double cpu_seconds() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+// Adds what a piece of work costs this thread.
+class Cost {
+ public:
+  Cost(ThreadCost& of, bool counts) : of_(counts ? &of : nullptr), begun_(cpu_seconds()) {}
+  ~Cost() {
+    if (!of_) return;
+    of_->work.push_back(cpu_seconds() - begun_);
+    of_->total += of_->work.back();
+  }
+  Cost(const Cost&) = delete;
+  Cost& operator=(const Cost&) = delete;
+
+ private:
+  ThreadCost* of_;
+  double begun_;
+};
+
+InstrumentSample instrument_at(const OfflineInput& input, double t) {
+  InstrumentSample sample;
+  sample.pose = sample_at(input.motion, std::max(t, input.from));
+  sample.present = true;
+  return sample;
+}
+
+std::size_t compliance_bytes(const StepReport& report) {
+  std::size_t bytes = 0;
+  for (const BodyReport& b : report.compliance) bytes += b.compliance.memory_bytes;
+  return bytes;
+}
+
+// Removals as time goes on.
+class Removals {
+ public:
+  explicit Removals(const RemovalSchedule& schedule) : schedule_(schedule) {}
+
+  void apply_until(double t, World& world) {
+    for (; next_ < schedule_.size() && schedule_[next_].t <= t + instant; ++next_)
+      world.schedule_removal(schedule_[next_].body, schedule_[next_].tets);
+  }
+
+ private:
+  const RemovalSchedule& schedule_;
+  std::size_t next_ = 0;
+};
+
+// The simulation thread in virtual time.
+class Simulation {
+ public:
+  Simulation(const Scene& scene, const OfflineInput& input, const OfflineOptions& options,
+             OfflineResult& result)
+      : input_(input), options_(options), result_(result), removals_(input.removals), h_(1 / scene.rate) {
+    if (h_ < tick - instant)
+      throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
+    WorldSettings settings = world_settings(scene);
+    settings.compliance_options.warping = options.warping;
+    settings.newest_pose = options.newest_pose;
+    settings.fresh_free_motion = options.fresh_free_motion;
+    if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;
+    world_ = make_world(scene, settings);
+    // As the daemon does before its clock starts.
+    world_->step([] { return InstrumentSample{}; }, *in_use_);
+    begin_ = input.from - input.settle;
+  }
+
+  // Steps until the newest problem in use at `t` is there. True if it is another than before.
+  bool advance(double t) {
+    bool swapped = false;
+    const double publish = std::min(options_.publish_after, h_);
+    while (begin_ + publish <= t + instant) {
+      step(begin_);
+      begin_ = input_.from - input_.settle + static_cast<double>(++count_) * h_;
+      swapped = true;
+    }
+    return swapped;
+  }
+
+  const World& world() const { return *world_; }
+  const CondensedProblem& problem() const { return *in_use_; }
+  const StepReport& report() const { return report_; }
+  double period() const { return h_; }
+
+ private:
+  struct Base {
+    double ready;
+    BaseJob job;
+  };
+
+  void step(double t) {
+    const bool counts = t >= input_.from - instant;
+    adopt_bases(t);
+    removals_.apply_until(t, *world_);
+    const double latch = std::min(options_.latch_after, h_ - tick);
+    bool latched = false;
+    {
+      const Cost cost(result_.simulation, counts);
+      report_ = world_->step(
+          [&] { return instrument_at(input_, std::exchange(latched, true) ? t + latch : t); }, *in_use_);
+    }
+    for (BaseJob& job : world_->wanted_bases()) {
+      const Cost cost(result_.bases, counts);
+      try {
+        job.base->make();
+      } catch (const std::runtime_error&) {
+        job.failed = true;
+      }
+      bases_.push_back({t + options_.base_after, std::move(job)});
+    }
+    result_.removed += report_.removed;
+    result_.inverted = std::max(result_.inverted, inverted_tets(world_->bodies()));
+    result_.dropped_samples = std::max(result_.dropped_samples, in_use_->dropped_samples);
+    result_.capped += report_.contact.status != SolveStatus::solved;
+    result_.memory_bytes = std::max(
+        result_.memory_bytes, compliance_bytes(report_) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
+  }
+
+  void adopt_bases(double t) {
+    for (; !bases_.empty() && bases_.front().ready <= t + instant; bases_.pop_front())
+      world_->adopt(std::move(bases_.front().job));
+  }
+
+  const OfflineInput& input_;
+  const OfflineOptions& options_;
+  OfflineResult& result_;
+  Removals removals_;
+  const double h_;
+  double begin_ = 0;  // of the step to come [s]
+  std::int64_t count_ = 0;
+  std::unique_ptr<World> world_;
+  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
+  StepReport report_;
+  std::deque<Base> bases_;
+};
+
+// The device as it is, or with nothing between the contact's force and its answer.
+DeviceSettings device_of(const Scene& scene, bool limits) {
+  DeviceSettings device = scene.device;
+  if (limits) return device;
+  constexpr double none = 1e9;
+  device.max_force = device.max_torque = device.max_force_rate = device.max_speed = none;
+  return device;
+}
+
+HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
+  HapticOptions options = haptic_options(scene);
+  options.contact.linearisations = o.linearisations;
+  if (o.tolerance > 0) options.contact.coulomb.tolerance = o.tolerance;
+  if (o.sweeps_only > 0) {
+    options.contact.coulomb.max_newton = 0;
+    options.contact.coulomb.max_sweeps = o.sweeps_only;
+    options.usable_residual = 1;  // an answer for as much work as was asked for, whatever it is worth
+  }
+  options.blend_time = std::max(o.blend_time, instant);
+  if (o.limits) return options;
+  constexpr std::int64_t never = std::int64_t{1} << 60;
+  options.watchdog.problem_old_ns = options.watchdog.problem_lost_ns = never;
+  options.watchdog.ramp_up_ns = 1;
+  return options;
+}
+
+OfflineTick tick_of(const Vec6& wrench) {
+  OfflineTick out;
+  out.wrench = wrench;
+  return out;
+}
+
+// The haptic thread in virtual time.
+class Haptics {
+ public:
+  Haptics(const Scene& scene, const OfflineOptions& options)
+      : instrument_(scene.instrument),
+        device_(device_of(scene, options.limits)),
+        options_(options_of(scene, options)) {}
+
+  OfflineTick step(const CondensedProblem& problem, const Pose& X) {
+    HapticInput input;
+    input.now_ns = now_ns_;
+    input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
+    input.taken = true;
+    input.sample.sequence = ++count_;
+    input.sample.client_time_ns = input.sample.received_ns = now_ns_;
+    input.sample.pose = to_device(X);
+    input.sample.enable = true;
+    now_ns_ += options_.watchdog.period_ns;
+    const ForceSample answer = haptic_step(&problem, instrument_, device_, options_, input, *state_);
+    OfflineTick out;
+    out.wrench.head<3>() = device_.frame * answer.force / device_.force_scale;
+    out.wrench.tail<3>() = device_.frame * answer.torque * (device_.position_scale / device_.force_scale);
+    out.penetration = answer.penetration;
+    out.residual = answer.residual;
+    out.active = static_cast<int>(answer.active);
+    capped_ += (answer.status & status_solver_cap) != 0;
+    return out;
+  }
+
+  int capped() const { return capped_; }
+
+ private:
+  // The inverse of `to_scene`.
+  Pose to_device(const Pose& X) const {
+    return {device_.frame.conjugate() * (X.p - device_.origin) / device_.position_scale,
+            (device_.frame.conjugate() * X.q * device_.tool.conjugate()).normalized()};
+  }
+
+  const Instrument& instrument_;
+  const DeviceSettings device_;
+  const HapticOptions options_;
+  std::unique_ptr<HapticState> state_ = std::make_unique<HapticState>();
+  std::int64_t now_ns_ = first_ns;
+  std::uint64_t count_ = 0;
+  int capped_ = 0;
+};
+
+}  // namespace
+
+double ThreadCost::quantile(double percent) const {
+  if (work.empty()) return 0;
+  std::vector<double> sorted = work;
+  std::sort(sorted.begin(), sorted.end());
+  const auto rank = static_cast<std::size_t>(std::ceil(percent / 100 * static_cast<double>(sorted.size())));
+  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
+}
+
+int inverted_tets(const Bodies& bodies) {
+  int inverted = 0;
+  for (const Body& body : bodies) {
+    if (!body.deformable || body.asleep) continue;
+    for (int t = 0; t < body.model.tet_count(); ++t) {
+      if (!body.state.alive[t]) continue;
+      const Tet& n = body.model.mesh.tets[t];
+      const auto& x = body.state.x;
+      inverted += (x[n[1]] - x[n[0]]).cross(x[n[2]] - x[n[0]]).dot(x[n[3]] - x[n[0]]) <= 0;
+    }
+  }
+  return inverted;
+}
+
+OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const OfflineOptions& options,
+                          const OfflineProgress& progress) {
+  OfflineResult result;
+  Simulation simulation(scene, input, options, result);
+  Haptics haptics(scene, options);
+  LocalModel local(options.rendering, scene.instrument, haptic_options(scene).contact, simulation.period());
+  const auto settle = static_cast<int>(std::lround(input.settle / tick));
+  const auto ticks = settle + static_cast<int>(std::lround((input.to - input.from) / tick));
+  for (int i = 0; i < ticks; ++i) {
+    const double t = input.from + tick * (i - settle);
+    const bool swapped = simulation.advance(t);
+    const Pose X = instrument_at(input, t).pose;
+    if (swapped) local.publish(t, simulation.problem(), simulation.report().contact);
+    OfflineTick out;
+    {
+      const Cost cost(result.haptic, i >= settle);
+      out = options.rendering == Rendering::solved ? haptics.step(simulation.problem(), X)
+                                                   : tick_of(local.wrench(t, X));
+    }
+    out.t = t;
+    out.swapped = swapped;
+    if (i >= settle) result.ticks.push_back(out);
+    if (progress && !progress(static_cast<double>(i + 1) / ticks)) break;
+  }
+  result.capped += haptics.capped();
+  return result;
+}
+
+OfflineResult run_reference(const Scene& scene, const OfflineInput& input, double h,
+                            const OfflineProgress& progress) {
+  Scene exact = scene;
+  exact.rate = 1 / h;
+  exact.compliance = ComplianceMethod::exact;
+  exact.contact = Renewal::renewed;
+  WorldSettings settings = world_settings(exact);
+  settings.linearisations = 6;
+  settings.coulomb.tolerance = 1e-10;
+  settings.coulomb.max_sweeps = 1000;
+  std::unique_ptr<World> world = make_world(exact, settings);
+  const auto problem = std::make_unique<CondensedProblem>();
+  world->step([] { return InstrumentSample{}; }, *problem);
+
+  OfflineResult result;
+  Removals removals(input.removals);
+  const auto per_tick = static_cast<int>(std::lround(tick / h));
+  const auto settle = static_cast<int>(std::lround(input.settle / h));
+  const auto steps = settle + static_cast<int>(std::lround((input.to - input.from) / h));
+  for (int i = 0; i < steps; ++i) {
+    const double t = input.from + h * (i - settle);
+    removals.apply_until(t, *world);
+    const bool counts = i >= settle;
+    StepReport report;
+    {
+      const Cost cost(result.simulation, counts);
+      report = world->step([&] { return instrument_at(input, t); }, *problem);
+    }
+    result.removed += report.removed;
+    result.inverted = std::max(result.inverted, inverted_tets(world->bodies()));
+    result.dropped_samples = std::max(result.dropped_samples, problem->dropped_samples);
+    result.capped += report.contact.status != SolveStatus::solved;
+    result.memory_bytes = std::max(result.memory_bytes, compliance_bytes(report));
+    if (counts && (i - settle) % per_tick == 0)
+      result.ticks.push_back({t, report.contact.wrench, report.contact.penetration, report.contact.residual,
+                              report.contact.active, true});
+    if (progress && !progress(static_cast<double>(i + 1) / steps)) break;
+  }
+  return result;
+}
+
+RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, int per_step) {
+  constexpr double period = 0.02;
+  Scene cutting = scene;
+  cutting.rate = 1 / period;
+  cutting.removal.rate = per_step / period;
+  cutting.removal.aspiration_max_tets = 0;
+  std::unique_ptr<World> world = make_world(cutting);
+  const auto problem = std::make_unique<CondensedProblem>();
+  RemovalSchedule schedule;
+  std::vector<std::vector<std::uint8_t>> alive;
+  for (const Body& body : world->bodies()) alive.push_back(body.state.alive);
+  const auto steps = static_cast<int>(std::floor((input.to - input.from + input.settle) / period));
+  for (int k = 0; k < steps; ++k) {
+    const double t = input.from - input.settle + period * k;
+    InstrumentSample sample = instrument_at(input, t);
+    sample.phaco = t >= input.from - instant;
+    world->step([&] { return sample; }, *problem);
+    for (std::size_t b = 0; b < alive.size(); ++b) {
+      const auto& now = world->bodies()[b].state.alive;
+      std::vector<int> gone;
+      for (std::size_t e = 0; e < now.size(); ++e)
+        if (alive[b][e] && !now[e]) gone.push_back(static_cast<int>(e));
+      if (!gone.empty()) schedule.push_back({t, static_cast<int>(b), gone});
+      alive[b] = now;
+    }
+  }
+  return schedule;
+}
+
+}  // namespace hapticd
