@@ -13,9 +13,11 @@
 namespace hapticd {
 namespace {
 
-constexpr double tick = 1e-3;        // [s]
-constexpr double settled = 0.1;      // [s]
-constexpr double instant = 1e-9;     // [s]
+constexpr double tick = 1e-3;     // [s]
+constexpr double settled = 0.1;   // [s]
+constexpr double instant = 1e-9;  // [s]
+constexpr int approach_parts =
+    4;  // a way that takes a pilot one step takes the reference so many shorter ones
 constexpr double latch_share = 0.6;  // of a step's cost that has passed when the pose is latched
 
 double cpu_ms() {
@@ -55,6 +57,8 @@ class Pilot {
   }
 
   PilotRun run() {
+    for (const Pose& X : stroke_.approach)
+      world_->step([&] { return InstrumentSample{X, true, false, false}; }, *next_);
     const auto ticks = static_cast<std::ptrdiff_t>(stroke_.pose.size());
     const auto before = static_cast<std::ptrdiff_t>(std::lround(settled / tick));
     std::int64_t steps = 0;
@@ -153,7 +157,15 @@ PilotRun run_reference(const Scene& scene, const PilotStroke& stroke, int every_
     const std::unique_ptr<World> world = make_world(single, settings);
     const auto problem = std::make_unique<CondensedProblem>();
     world->step([] { return InstrumentSample{}; }, *problem);
-    // At rest only the length of the hold counts, not its steps'.
+    for (std::size_t i = 1; i < stroke.approach.size(); ++i)
+      for (int k = 1; k <= approach_parts; ++k)
+        world->step(
+            [&] {
+              const Pose &a = stroke.approach[i - 1], &b = stroke.approach[i];
+              const double s = static_cast<double>(k) / approach_parts;
+              return InstrumentSample{{a.p + s * (b.p - a.p), a.q.slerp(s, b.q)}, true, false, false};
+            },
+            *problem);
     const auto ticks = static_cast<int>(stroke.pose.size());
     const auto before = static_cast<int>(std::lround(settled / tick)) / every_ms;
     for (int i = -before; i * every_ms < ticks; ++i) {

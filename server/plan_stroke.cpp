@@ -14,6 +14,7 @@ namespace {
 
 constexpr double tick = 1e-3;              // [s]
 constexpr double looked_at = 10e-3;        // of the trajectory, when the window is sought [s]
+constexpr double approach_step = 0.25;     // in alarm distances
 constexpr double hand_speed = 0.1;         // of a made-up press, in the device's space [m/s]
 constexpr std::size_t most_points = 4000;  // of a body's surface, for gaps
 
@@ -65,6 +66,16 @@ PilotStroke from_trajectory(const Scene& scene, double seconds) {
   }
   PilotStroke stroke;
   const double begin = device.begin() + looked_at * static_cast<double>(best);
+  std::size_t free = best;
+  while (free > 0 && depth[free] > 0) --free;
+  const double step = 1 / scene.rate;
+  for (double t = device.begin() + looked_at * static_cast<double>(free); free < best && t < begin;
+       t += step) {
+    const Pose X = pose_at(t);
+    if (stroke.approach.empty() ||
+        (X.p - stroke.approach.back().p).norm() > approach_step * scene.alarm_distance)
+      stroke.approach.push_back(X);
+  }
   const double end = std::min(begin + seconds, device.end());
   for (double t = begin; t < end; t += tick) stroke.pose.push_back(pose_at(t));
   char text[256];

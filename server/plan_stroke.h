@@ -1,7 +1,8 @@
 // The motion along which a plan tries its choices: a piece of the scene's own trajectory, or a press that is
 // made up.
 //
-//   trajectory   the window that takes the instrument deepest into the bodies at rest, approach included
+//   trajectory   the window that takes the instrument deepest into the bodies at rest; the way there from where it
+//                last was free is gone in steps of up to a quarter of the alarm distance, however long it took
 //   made up      from the device's origin to the nearest point of each body within reach, half the tip's
 //   radius
 //                deep, and a radius sideways, at a hand's 0.1 m/s · position_scale
@@ -18,6 +19,7 @@
 namespace hapticd {
 
 struct PilotStroke {
+  std::vector<Pose> approach;  // before it, one a simulation step: a window may begin deep inside
   std::vector<Pose> pose;
   std::string text;  // "2.31 to 2.71 s of press.csv"
 };

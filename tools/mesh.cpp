@@ -2,12 +2,16 @@
 #include <cstdio>
 #include <fstream>
 #include <memory>
+#include <tuple>
 
 #include "physics/tissue/mesh_quality.h"
 #include "physics/tissue/surface.h"
 #include "server/mesh_repair.h"
 #include "server/mesh_writer.h"
 #include "server/paths.h"
+#include "server/plan_pilot.h"
+#include "server/realtime.h"
+#include "server/scene_reader.h"
 #include "tools/command.h"
 #include "tools/mesh_scene.h"
 #include "tools/report.h"
@@ -136,6 +140,54 @@ std::string write_scene(TetMesh mesh, const SceneDefaults& defaults, const std::
   return mesh_file.string();
 }
 
+// A directory of its own that is gone with the object.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    std::string name = (std::filesystem::temp_directory_path() / "haptic-mesh-XXXXXX").string();
+    if (!mkdtemp(name.data())) throw std::runtime_error("no temporary directory could be made");
+    path = name;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  std::filesystem::path path;
+};
+
+// What a step of the whole model takes here, pressed by the default scene's tip.
+nlohmann::ordered_json predict(const TetMesh& mesh, const SceneDefaults& defaults) {
+  constexpr double seconds = 0.1;
+  const ScratchFolder scratch;
+  const std::filesystem::path file = scratch.path / "mesh.yaml";
+  write_scene(mesh, defaults, file);
+  Scene scene = read_scene(file);
+  scene.plans = false;
+  keep_malloc_pages();
+  nlohmann::ordered_json json;
+  const PilotStroke stroke = pilot_stroke(scene, seconds);
+  for (const auto& [method, name, most_nodes] :
+       {std::tuple{ComplianceMethod::exact, "exact", std::size_t{6000}},
+        {ComplianceMethod::zone, "zone", std::size_t{30000}}}) {
+    if (mesh.nodes.size() > most_nodes) {
+      std::printf("  a step with %-5s   not tried beyond %zu nodes\n", name, most_nodes);
+      continue;
+    }
+    scene.compliance = method;
+    const PilotRun run = run_pilot(scene, stroke);
+    if (run.force.empty()) {
+      std::printf("  a step with %-5s   the matrix is singular\n", name);
+      continue;
+    }
+    std::printf("  a step with %-5s   %.2f ms, a haptic tick %.3f ms: %s\n", name, run.step_ms, run.tick_ms,
+                run.worst_step_ms < 16 ? "50 Hz" : "misses 50 Hz");
+    json[name] = {{"step_ms", run.step_ms}, {"worst_step_ms", run.worst_step_ms}, {"tick_ms", run.tick_ms}};
+  }
+  return json;
+}
+
 int run(const MeshOptions& o) {
   if (!std::filesystem::is_regular_file(o.file)) throw InputError(o.file, 0, "", "no such file");
   RepairedMesh repaired = repair_mesh(read_raw_mesh(read_bytes(o.file), o.file), !o.keep_duplicates);
@@ -147,6 +199,8 @@ int run(const MeshOptions& o) {
   const std::vector<int> zones = zone_sizes(mesh, defaults.tip_radius, defaults.alarm_distance);
   print_quality(mesh, quality, repaired.faults, zones);
   nlohmann::ordered_json json = to_json(mesh, quality, repaired.faults, zones);
+  std::printf("\n");
+  json["predicted"] = predict(mesh, defaults);
 
   if (!o.fix.empty()) {
     try {
