@@ -4,7 +4,7 @@
 //   nothing rigid         its softest surface node against the coupling:  e ≤ c / (c + 1/K_vc),  c = n·C n of
 //   K alone the rest      each cheaper choice is run along a stroke (plan_pilot.h) and kept if it costs less
 //   and the force
-//                 error of the whole plan stays within `accuracy`
+//                 error of the whole plan stays within four fifths of `accuracy`
 //
 // Choices are tried one after the other, what saves most first: elements linear, motion static, compliance
 // zone, friction left out, contact frozen; the plan with all that was kept has therefore been run as a whole,

@@ -15,6 +15,7 @@ namespace {
 constexpr double tick = 1e-3;              // [s]
 constexpr double looked_at = 10e-3;        // of the trajectory, when the window is sought [s]
 constexpr double approach_step = 0.25;     // in alarm distances
+constexpr std::size_t most_approach = 60;  // poses
 constexpr double hand_speed = 0.1;         // of a made-up press, in the device's space [m/s]
 constexpr std::size_t most_points = 4000;  // of a body's surface, for gaps
 
@@ -39,6 +40,16 @@ double least_gap(const Instrument& instrument, const Pose& X, const std::vector<
   return least;
 }
 
+template <typename PoseAt>
+std::vector<Pose> thinned(double from, double to, double step, const PoseAt& pose_at, double alarm_distance) {
+  std::vector<Pose> out;
+  for (double t = from; t < to; t += step) {
+    const Pose X = pose_at(t);
+    if (out.empty() || (X.p - out.back().p).norm() > approach_step * alarm_distance) out.push_back(X);
+  }
+  return out;
+}
+
 PilotStroke from_trajectory(const Scene& scene, double seconds) {
   const Trajectory device = read_trajectory(*scene.trajectory, LengthUnit::metre);
   std::vector<Vec3> points;
@@ -55,26 +66,32 @@ PilotStroke from_trajectory(const Scene& scene, double seconds) {
     depth[i] = std::max(
         0.0,
         -least_gap(scene.instrument, pose_at(device.begin() + looked_at * static_cast<double>(i)), points));
+  // How far it has gone in contact.
+  std::vector<double> way(looks, 0);
+  for (std::size_t i = 1; i < looks; ++i) {
+    const double t = device.begin() + looked_at * static_cast<double>(i);
+    way[i] = way[i - 1] + (depth[i] > 0 ? (pose_at(t).p - pose_at(t - looked_at).p).norm() : 0);
+  }
   const auto window = std::min(looks, static_cast<std::size_t>(std::max(1.0, seconds / looked_at)));
   std::size_t best = 0;
   double best_score = -1;
   for (std::size_t i = 0; i + window <= looks; ++i) {
     const auto [low, high] = std::minmax_element(depth.begin() + static_cast<std::ptrdiff_t>(i),
                                                  depth.begin() + static_cast<std::ptrdiff_t>(i + window));
-    const double score = *high + (*high - *low);
+    const double score = *high + (*high - *low) + 0.5 * (way[i + window - 1] - way[i]);
     if (score > best_score + 1e-12) best = i, best_score = score;
   }
   PilotStroke stroke;
   const double begin = device.begin() + looked_at * static_cast<double>(best);
-  std::size_t free = best;
-  while (free > 0 && depth[free] > 0) --free;
-  const double step = 1 / scene.rate;
-  for (double t = device.begin() + looked_at * static_cast<double>(free); free < best && t < begin;
-       t += step) {
-    const Pose X = pose_at(t);
-    if (stroke.approach.empty() ||
-        (X.p - stroke.approach.back().p).norm() > approach_step * scene.alarm_distance)
-      stroke.approach.push_back(X);
+  // From the trajectory's begin, or where that is too far from where it last was clear of everything. Not
+  // from where it last was free: an instrument that has bent a thin body far aside is clear of where that was
+  // at rest.
+  stroke.approach = thinned(device.begin(), begin, 1 / scene.rate, pose_at, scene.alarm_distance);
+  if (stroke.approach.size() > most_approach) {
+    std::size_t clear = best;
+    while (clear > 0 && depth[clear] > 0) --clear;
+    stroke.approach = thinned(device.begin() + looked_at * static_cast<double>(clear), begin, 1 / scene.rate,
+                              pose_at, scene.alarm_distance);
   }
   const double end = std::min(begin + seconds, device.end());
   for (double t = begin; t < end; t += tick) stroke.pose.push_back(pose_at(t));

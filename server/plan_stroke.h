@@ -1,8 +1,9 @@
 // The motion along which a plan tries its choices: a piece of the scene's own trajectory, or a press that is
 // made up.
 //
-//   trajectory   the window that takes the instrument deepest into the bodies at rest; the way there from where it
-//                last was free is gone in steps of up to a quarter of the alarm distance, however long it took
+//   trajectory   the window that takes the instrument deepest and farthest within the bodies at rest; the way
+//   there is gone in steps
+//                of a quarter of the alarm distance, however long it took
 //   made up      from the device's origin to the nearest point of each body within reach, half the tip's
 //   radius
 //                deep, and a radius sideways, at a hand's 0.1 m/s · position_scale

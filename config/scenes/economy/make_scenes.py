@@ -72,10 +72,10 @@ box('heavy.msh', (-15 * mm, -15 * mm, -30 * mm), (30 * mm, 30 * mm, 30 * mm), (6
 stroke('small_motion.csv', 1.2, lambda t: (
     0, 0, (0.2 - 0.5 * smooth(t / 0.2) - 0.2 * math.sin(2 * math.pi * 6 * t) * smooth(t / 0.3)) * mm))
 
-# A strip held at one end, whose free end is pushed down by a third of its length.
+# A strip held at one end, whose free end is pushed down by a quarter of its length.
 box('strip.msh', (0, -3 * mm, -3 * mm), (36 * mm, 6 * mm, 3 * mm), (24, 4, 2), lambda x, y, z: x == 0)
 stroke('large_rotation.csv', 1.2, lambda t: (
-    30 * mm, 0, (0.5 - 13 * (smooth(t / 0.7) - smooth((t - 0.8) / 0.4))) * mm))
+    30 * mm, 0, (0.3 - 9 * (smooth(t / 0.7) - smooth((t - 0.8) / 0.4))) * mm))
 
 # A block that can be cut, a flap that lies on it, a steel plate beside, and a body out of reach.
 box('tissue.msh', (-8 * mm, -8 * mm, -7 * mm), (16 * mm, 16 * mm, 7 * mm), (8, 8, 4), bottom)
