@@ -10,6 +10,8 @@
 
 #include "server/daemon.h"
 #include "server/input_error.h"
+#include "server/plan.h"
+#include "server/realtime.h"
 #include "server/scene_describe.h"
 #include "server/scene_reader.h"
 
@@ -35,7 +37,7 @@ void define(CLI::App& app, Arguments& a) {
   app.footer("Example:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json");
   app.set_version_flag("--version", std::string("hapticd ") + HAPTICD_VERSION);
   app.add_option("scene", a.scene, "The scene, a YAML file (config/README.md tells its keys)")->required();
-  app.add_flag("--check", a.check, "Read everything, print the plan, start nothing; exit code 2 on an error");
+  app.add_flag("--check", a.check, "Read everything, try and print the plan, start nothing; exit code 2 on an error");
   app.add_option("--duration", a.duration, "Stop by itself after so many seconds; 0: run until a signal")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
@@ -52,7 +54,8 @@ void define(CLI::App& app, Arguments& a) {
                  "Instead of the scene's haptic.mode: a force each millisecond (tick), or for "
                  "each device state (event)")
       ->check(CLI::IsMember({"tick", "event"}));
-  app.add_option("--json", a.json, "Write the run's figures to this file at the end, and at each SIGUSR1");
+  app.add_option("--json", a.json,
+                 "Write the run's figures to this file at the end, and at each SIGUSR1; with --check the plan");
   app.add_flag(
       "--test-hooks", a.test_hooks,
       "For tests alone: SIGRTMIN with a value holds the simulation so many ms, SIGRTMIN+1 makes its next "
@@ -76,14 +79,16 @@ sigset_t block_signals() {
 }
 
 // Whole or not at all: who asked by SIGUSR1 waits for the file to appear.
-void write_figures(const Daemon& daemon, const std::string& file) {
+void write_json(const std::string& file, const auto& json) {
   const std::string beside = file + ".part";
   std::ofstream out(beside);
-  out << daemon.summary().dump(2) << '\n';
+  out << json.dump(2) << '\n';
   out.close();
   if (!out || std::rename(beside.c_str(), file.c_str()) != 0)
     throw std::runtime_error("cannot write " + file);
 }
+
+void write_figures(const Daemon& daemon, const std::string& file) { write_json(file, daemon.summary()); }
 
 // The test hooks, for all devices alike.
 void hold(const Daemon& daemon, int milliseconds) {
@@ -125,9 +130,18 @@ int run(const Arguments& a) {
   for (const std::string& device : a.also) add_device(scene, device);
   std::optional<Security> security;
   if (!a.secure.empty()) security = security_files(a.secure, "daemon");
+  // Large blocks come from the heap from here on, as in the run: their page faults would be half a step's cost.
+  keep_malloc_pages();
   if (a.check) {
-    std::cout << describe(scene);
+    const Plan plan = make_plan(scene);
+    std::cout << describe(plan.scene) << describe(plan);
+    if (!a.json.empty()) write_json(a.json, to_json(plan));
     return 0;
+  }
+  if (scene.plans) {
+    Plan plan = make_plan(scene);
+    std::cout << describe(plan);
+    scene = std::move(plan.scene);
   }
   const sigset_t signals = block_signals();
   const LoopMode mode = a.mode.empty()      ? scene.haptic_mode

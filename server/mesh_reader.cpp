@@ -11,23 +11,15 @@ namespace {
 
 constexpr double degenerate = 1e-12;
 
-std::string describe_tet(const RawTet& tet) {
-  std::string text = "tetrahedron with nodes";
-  for (std::uint64_t n : tet.node) text += " " + std::to_string(n);
-  return text;
-}
-
-void check_shape(const RawMesh& raw, const RawTet& tet, const std::array<const RawNode*, 4>& corner) {
-  double longest = 0;
-  for (int a = 0; a < 4; ++a)
-    for (int b = 0; b < a; ++b) longest = std::max(longest, (corner[a]->x - corner[b]->x).norm());
-  const double volume = signed_volume(corner[0]->x, corner[1]->x, corner[2]->x, corner[3]->x);
-  if (!(std::abs(volume) >= degenerate * longest * longest * longest) || volume == 0)
+void check_shape(const RawMesh& raw, const RawTet& tet, const std::array<Vec3, 4>& corner) {
+  const TetShape shape = tet_shape(corner);
+  if (shape == TetShape::degenerate)
     throw mesh_error(raw.file, tet.place, raw.tet_section,
                      describe_tet(tet) + " is degenerate: it has no volume (mesh again, or take it out)");
-  if (volume < 0)
+  if (shape == TetShape::inverted)
     throw mesh_error(raw.file, tet.place, raw.tet_section,
-                     describe_tet(tet) + " is inverted: its volume is negative (exchange two of its nodes)");
+                     describe_tet(tet) + " is inverted: its volume is negative (exchange two of its nodes, or "
+                     "let `haptic mesh FILE --fix OUT` do it)");
 }
 
 void sort_unique(std::vector<int>& v) {
@@ -36,6 +28,22 @@ void sort_unique(std::vector<int>& v) {
 }
 
 }  // namespace
+
+std::string describe_tet(const RawTet& tet) {
+  std::string text = "tetrahedron with nodes";
+  for (std::uint64_t n : tet.node) text += " " + std::to_string(n);
+  return text;
+}
+
+TetShape tet_shape(const std::array<Vec3, 4>& x) {
+  double longest = 0;
+  for (int a = 0; a < 4; ++a)
+    for (int b = 0; b < a; ++b) longest = std::max(longest, (x[a] - x[b]).norm());
+  const double volume = signed_volume(x[0], x[1], x[2], x[3]);
+  if (!(std::abs(volume) >= degenerate * longest * longest * longest) || volume == 0)
+    return TetShape::degenerate;
+  return volume < 0 ? TetShape::inverted : TetShape::positive;
+}
 
 InputError mesh_error(const std::filesystem::path& file, const MeshPlace& place, const std::string& section,
                       const std::string& what) {
@@ -81,7 +89,7 @@ TetMesh finish_mesh(const RawMesh& raw) {
   std::vector<Tet> old_corners;
   for (std::size_t e = 0; e < raw.tets.size(); ++e) {
     const RawTet& tet = raw.tets[e];
-    std::array<const RawNode*, 4> corner;
+    std::array<Vec3, 4> corner;
     Tet t;
     for (int a = 0; a < 4; ++a) {
       const std::size_t i = find(tet.node[a]);
@@ -89,7 +97,7 @@ TetMesh finish_mesh(const RawMesh& raw) {
         throw mesh_error(raw.file, tet.place, raw.tet_section,
                          describe_tet(tet) + ": there is no node " + std::to_string(tet.node[a]));
       t[a] = static_cast<int>(i);
-      corner[a] = by_number[i];
+      corner[a] = by_number[i]->x;
     }
     check_shape(raw, tet, corner);
     Tet key = t;
@@ -124,10 +132,14 @@ TetMesh finish_mesh(const RawMesh& raw) {
   return mesh;
 }
 
-TetMesh read_mesh(const std::string& bytes, const std::filesystem::path& file) {
-  if (bytes.starts_with("# vtk DataFile")) return finish_mesh(read_vtk(bytes, file));
-  if (bytes.find("$MeshFormat") < 4096) return finish_mesh(read_gmsh(bytes, file));
+RawMesh read_raw_mesh(const std::string& bytes, const std::filesystem::path& file) {
+  if (bytes.starts_with("# vtk DataFile")) return read_vtk(bytes, file);
+  if (bytes.find("$MeshFormat") < 4096) return read_gmsh(bytes, file);
   throw InputError(file, 1, "", "neither a Gmsh mesh ($MeshFormat) nor a legacy VTK file (# vtk DataFile)");
+}
+
+TetMesh read_mesh(const std::string& bytes, const std::filesystem::path& file) {
+  return finish_mesh(read_raw_mesh(bytes, file));
 }
 
 TetMesh read_mesh_file(const std::filesystem::path& file) { return read_mesh(read_bytes(file), file); }

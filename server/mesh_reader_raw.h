@@ -52,6 +52,16 @@ struct RawMesh {
 InputError mesh_error(const std::filesystem::path& file, const MeshPlace& place, const std::string& section,
                       const std::string& what);
 
+// "tetrahedron with nodes 1 2 3 4", by the file's numbers.
+std::string describe_tet(const RawTet& tet);
+
+// degenerate: |V| < 1e-12 L³, L its longest edge.
+enum class TetShape { positive, inverted, degenerate };
+TetShape tet_shape(const std::array<Vec3, 4>& corners);
+
+// As it stands in the file: nothing is checked that can be read. Throws InputError.
+RawMesh read_raw_mesh(const std::string& bytes, const std::filesystem::path& file);
+
 // Checks, drops unused nodes, renumbers. Throws InputError.
 TetMesh finish_mesh(const RawMesh& raw);
 

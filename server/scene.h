@@ -32,13 +32,21 @@ struct SceneBody {
   std::vector<int> fixed_nodes;  // deformable only; empty: it floats
   double friction = 0;           // μ against the instrument
   bool removable = false;        // the tip may destroy it
-  bool corotational = true;      // deformable only; not a key of the file
+  bool corotational = true;      // deformable only; false: linear
+  bool dynamic = true;           // deformable only; false: neither inertia nor damping
+  bool simulated = true;         // deformable only; false: stands where it is, an obstacle
+  // Said by the scene, so that the plan leaves it.
+  bool pinned_elements = false, pinned_motion = false, pinned_simulated = false;
 };
 
 struct Scene {
   std::string name;
   std::filesystem::path file;
   double rate = 50;  // simulation [Hz]
+  bool plans = false;      // model: auto: what is not pinned is chosen at the start (plan.h)
+  double accuracy = 0.02;  // RMS force error that a plan may have, of the peak force
+  bool friction = true;    // false: every μ counts as 0
+  bool pinned_compliance = false, pinned_contact = false, pinned_friction = false;
   ComplianceMethod compliance = ComplianceMethod::exact;
   Renewal contact = Renewal::renewed;
   double alarm_distance = 0;  // [m]

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 
+#include "physics/tissue/mesh_quality.h"
 #include "server/mesh_reader.h"
 #include "server/paths.h"
 
@@ -46,20 +46,6 @@ Material read_material(const YamlMap& yaml) {
     material.rayleigh_stiffness = rayleigh.number("stiffness", rayleigh_stiffness, 0);
   }
   return material;
-}
-
-// Node that stands for the connected piece of each node.
-std::vector<int> pieces_of(const TetMesh& mesh) {
-  std::vector<int> piece(mesh.nodes.size());
-  std::iota(piece.begin(), piece.end(), 0);
-  const auto root = [&](int n) {
-    while (piece[n] != n) n = piece[n] = piece[piece[n]];
-    return n;
-  };
-  for (const Tet& t : mesh.tets)
-    for (int corner = 1; corner < 4; ++corner) piece[root(t[corner])] = root(t[0]);
-  for (int n = 0; n < static_cast<int>(piece.size()); ++n) piece[n] = root(n);
-  return piece;
 }
 
 std::vector<int> read_fixed_nodes(const YamlMap& yaml, const TetMesh& mesh) {
@@ -142,15 +128,28 @@ Primitive read_primitive(const YamlMap& yaml) {
 
 }  // namespace
 
+void read_body_pins(const YamlMap& yaml, SceneBody& body) {
+  body.pinned_elements = yaml.has("elements");
+  body.pinned_motion = yaml.has("motion");
+  body.pinned_simulated = yaml.has("simulated");
+  if (body.pinned_elements) body.corotational = yaml.choice("elements", {"corotational", "linear"}) == 0;
+  if (body.pinned_motion) body.dynamic = yaml.choice("motion", {"dynamic", "static"}) == 0;
+  body.simulated = yaml.flag("simulated", true);
+  if (!body.dynamic && !may_be_static(body))
+    throw yaml.error("motion", "static needs a body that is held and cannot be cut: a loose piece has nothing but "
+                               "its mass");
+}
+
 SceneBody read_body(const YamlMap& yaml) {
-  yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable"});
+  yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
+             "elements", "motion", "simulated"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
   body.mesh_file = yaml.folder() / yaml.text("mesh");
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
-    for (const char* key : {"material", "fixed", "floating", "removable"})
+    for (const char* key : {"material", "fixed", "floating", "removable", "elements", "motion", "simulated"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
@@ -167,6 +166,7 @@ SceneBody read_body(const YamlMap& yaml) {
                          (body.mesh.groups.empty() ? "it has none" : listed(names_of(body.mesh.groups))) +
                          "; or say floating: true)");
   if (!floating) body.fixed_nodes = read_fixed_nodes(yaml, body.mesh);
+  read_body_pins(yaml, body);
   return body;
 }
 

@@ -41,6 +41,7 @@ double mean_edge(const TetMesh& mesh) {
 void describe_body(std::string& out, const SceneBody& body) {
   line(out, "body       %s: %s, %zu nodes, %zu tetrahedra, mean edge %.2f mm", body.name.c_str(),
        body.kind == BodyKind::rigid ? "rigid obstacle"
+       : !body.simulated            ? "deformable, not simulated: an obstacle"
        : body.removable             ? "deformable, removable"
                                     : "deformable",
        body.mesh.nodes.size(), body.mesh.tets.size(), 1e3 * mean_edge(body.mesh));

@@ -11,6 +11,7 @@ namespace hapticd {
 namespace {
 
 constexpr NumberRange rate{1, 500, false, false, "simulation steps per second; 50 is usual"};
+constexpr NumberRange accuracy{0, 1, true, false, "RMS force error over the peak force; 0.02 is two per cent"};
 constexpr NumberRange alarm_distance{0, 0.1, true, false, "metres; more than the tip moves in one step"};
 constexpr NumberRange sample_spacing{0, 0.1, true, false, "metres; about a third of the tip's radius"};
 constexpr NumberRange stiffness{0, 1e6, true, false, "newtons per metre; about ten times the contact's own"};
@@ -28,12 +29,36 @@ constexpr ComplianceMethod compliance_methods[] = {ComplianceMethod::exact, Comp
 void read_simulation(const YamlMap& yaml, Scene& scene) {
   yaml.only({"rate", "compliance", "contact", "alarm_distance", "sample_spacing"});
   scene.rate = yaml.number("rate", rate, scene.rate);
+  scene.pinned_compliance = yaml.has("compliance");
+  scene.pinned_contact = yaml.has("contact");
   if (yaml.has("compliance"))
     scene.compliance = compliance_methods[yaml.choice("compliance", {"exact", "zone", "lazy", "updown"})];
   if (yaml.has("contact"))
     scene.contact = yaml.choice("contact", {"renewed", "frozen"}) == 0 ? Renewal::renewed : Renewal::frozen;
   scene.alarm_distance = yaml.number("alarm_distance", alarm_distance);
   scene.sample_spacing = yaml.number("sample_spacing", sample_spacing);
+}
+
+// `model: auto`, or a map of what is not to be chosen, for all bodies alike.
+void read_model(const YamlMap& yaml, Scene& scene) {
+  scene.plans = true;
+  if (!yaml.is_map("model")) {
+    yaml.choice("model", {"auto"});
+    return;
+  }
+  const YamlMap pins = yaml.map("model");
+  pins.only({"elements", "motion", "friction"});
+  scene.pinned_friction = pins.has("friction");
+  scene.friction = pins.flag("friction", true);
+  const bool linear = pins.has("elements") && pins.choice("elements", {"corotational", "linear"}) == 1;
+  const bool still = pins.has("motion") && pins.choice("motion", {"dynamic", "static"}) == 1;
+  for (SceneBody& body : scene.bodies) {
+    if (pins.has("elements") && !body.pinned_elements) body.corotational = !linear;
+    // Static only where that can be: what can be cut stays dynamic.
+    if (pins.has("motion") && !body.pinned_motion) body.dynamic = !(still && may_be_static(body));
+    body.pinned_elements |= pins.has("elements");
+    body.pinned_motion |= pins.has("motion");
+  }
 }
 
 LoopMode read_haptic_mode(const YamlMap& yaml) {
@@ -128,7 +153,7 @@ void add_device(Scene& scene, const std::string& name) {
 
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
-  yaml.only({"scene", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "haptic", "device",
+  yaml.only({"scene", "model", "accuracy", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "haptic", "device",
              "mapping", "more_devices", "trajectory", "ros2"});
   Scene scene;
   scene.file = file;
@@ -151,6 +176,9 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
           throw entry.error("between", "this pair stands there already");
       scene.contacts.push_back(pair);
     }
+
+  if (yaml.has("model")) read_model(yaml, scene);
+  scene.accuracy = yaml.number("accuracy", accuracy, scene.accuracy);
 
   const YamlMap instrument = yaml.map("instrument");
   instrument.only({"primitives", "tip", "coupling"});

@@ -12,6 +12,8 @@ constexpr double haptic_margin = 0.15;  // in alarm distances
 // A hyperstatic patch (contact/README.md) may use them all; its residual is then below 1e-4 already.
 constexpr int haptic_max_sweeps = 50;
 
+bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
+
 }  // namespace
 
 WorldSettings world_settings(const Scene& scene) {
@@ -27,15 +29,20 @@ WorldSettings world_settings(const Scene& scene) {
   settings.compliance_options.sample_every = error_sample_every;
   settings.coupling = scene.coupling;
   settings.removal = scene.removal;
-  settings.body_contact.pairs = scene.contacts;
+  for (ContactPair pair : scene.contacts) {
+    // Two obstacles have nothing to say to each other.
+    if (!deforms(scene.bodies[pair.points]) && !deforms(scene.bodies[pair.faces])) continue;
+    if (!scene.friction) pair.friction = 0;
+    settings.body_contact.pairs.push_back(pair);
+  }
   return settings;
 }
 
 std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& settings) {
   std::vector<BodySettings> bodies;
   for (const SceneBody& b : scene.bodies)
-    bodies.push_back({b.name, b.kind == BodyKind::deformable, b.mesh, b.material, b.fixed_nodes, b.friction,
-                      b.removable, b.corotational});
+    bodies.push_back({b.name, deforms(b), b.mesh, b.material, b.fixed_nodes, scene.friction ? b.friction : 0,
+                      b.removable && deforms(b), b.corotational, b.dynamic});
   return std::make_unique<World>(std::move(bodies), scene.instrument, settings);
 }
 

@@ -106,6 +106,8 @@ bool YamlMap::has(const std::string& key) const {
   return false;
 }
 
+bool YamlMap::is_map(const std::string& key) const { return value(key).IsMap(); }
+
 YAML::Node YamlMap::value(const std::string& key) const {
   for (const auto& entry : node_)
     if (entry.first.Scalar() == key) {

@@ -35,6 +35,7 @@ class YamlMap {
   void only(std::initializer_list<const char*> keys) const;
 
   bool has(const std::string& key) const;
+  bool is_map(const std::string& key) const;
   YamlMap map(const std::string& key) const;
   std::vector<YamlMap> maps(const std::string& key) const;  // a list of maps, not empty
 

@@ -121,7 +121,8 @@ class Compliance {
 std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
                                             const ComplianceOptions& options = {});
 
-// CHOLMOD refactorisation each step: the model of accuracy.
+// CHOLMOD refactorisation each step: the model of accuracy. Of a linear body only where elements went or the
+// zone moved.
 std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
                                                   const ComplianceOptions& options = {});
 

@@ -31,9 +31,10 @@ int semidefinite_cholesky(Mat12& a, Mat12& V, double smallest) noexcept {
 ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3& rotation,
                          const Tet& corners) noexcept {
   const Material& material = model.material;
-  const double stiffness = 1 + material.rayleigh_stiffness / h;
-  const double mass =
-      (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * material.density * model.volume[tet];
+  const double stiffness = model.dynamic ? 1 + material.rayleigh_stiffness / h : 1;
+  const double mass = model.dynamic ? (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * material.density *
+                                          model.volume[tet]
+                                    : 0;
   const Gradients rotated = rotation * model.gradients[tet];
   const Tet& nodes = model.mesh.tets[tet];
   Gradients b;

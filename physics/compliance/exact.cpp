@@ -19,6 +19,7 @@ class ExactCompliance final : public Compliance {
  public:
   ExactCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
       : options_(options),
+        constant_(!model.corotational),
         fixed_(model.fixed),
         graph_(node_graph(model)),
         fill_order_(fill_reducing_order(graph_)),
@@ -46,6 +47,10 @@ class ExactCompliance final : public Compliance {
   }
 
   void update(const TissueState& state) override {
+    // A of a linear body changes with removals alone: its factor serves until the zone moves.
+    if (constant_ && factored_ && order_is_current_ && state.removed == removed_at_factor_) return;
+    reported_ = false;
+    removed_at_factor_ = state.removed;
     if (!order_is_current_) {
       const std::vector<std::uint8_t> live = matrix_.live_edges(state);
       factor_.set_order(matrix_, zone_last_order(matrix_.graph_of(live), fill_order_, zone_), live);
@@ -90,13 +95,14 @@ class ExactCompliance final : public Compliance {
 
   ComplianceReport report() override {
     require_factor();
-    ComplianceReport report;
+    if (reported_) return report_;  // nothing has changed since the sample
     const SampledError sampled = sample_error(*this, matrix_);
-    report.residual = sampled.residual;
-    report.error = sampled.error;
-    report.health = health_of(sampled, options_);
-    report.memory_bytes = factor_.memory_bytes();
-    return report;
+    report_.residual = sampled.residual;
+    report_.error = sampled.error;
+    report_.health = health_of(sampled, options_);
+    report_.memory_bytes = factor_.memory_bytes();
+    reported_ = constant_;
+    return report_;
   }
 
  private:
@@ -105,6 +111,10 @@ class ExactCompliance final : public Compliance {
   }
 
   ComplianceOptions options_;
+  bool constant_;  // A follows removals alone
+  bool reported_ = false;
+  ComplianceReport report_;
+  int removed_at_factor_ = 0;
   std::vector<std::uint8_t> fixed_;
   NodeGraph graph_;
   std::vector<int> fill_order_;

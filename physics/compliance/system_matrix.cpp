@@ -10,13 +10,18 @@ namespace {
 
 constexpr int corner_pairs[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 
-double mass_factor(const Material& m, double h) noexcept { return 1 / (h * h) + m.rayleigh_mass / h; }
-double stiffness_factor(const Material& m, double h) noexcept { return 1 + m.rayleigh_stiffness / h; }
+// A static body has neither inertia nor damping.
+double mass_factor(const Material& m, bool dynamic, double h) noexcept {
+  return dynamic ? 1 / (h * h) + m.rayleigh_mass / h : 0;
+}
+double stiffness_factor(const Material& m, bool dynamic, double h) noexcept {
+  return dynamic ? 1 + m.rayleigh_stiffness / h : 1;
+}
 
 }  // namespace
 
 SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, double h)
-    : h_(h), material_(model.material), fixed_(model.fixed) {
+    : h_(h), material_(model.material), dynamic_(model.dynamic), fixed_(model.fixed) {
   std::vector<int> first_edge(model.node_count() + 1, 0);
   for (int i = 0; i < model.node_count(); ++i) {
     first_edge[i] = static_cast<int>(edges_.size());
@@ -51,10 +56,10 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
   in_system_.resize(model.node_count());
 }
 
-double SystemMatrix::mu() const noexcept { return stiffness_factor(material_, h_) * material_.mu(); }
-double SystemMatrix::lambda() const noexcept { return stiffness_factor(material_, h_) * material_.lambda(); }
+double SystemMatrix::mu() const noexcept { return stiffness_factor(material_, dynamic_, h_) * material_.mu(); }
+double SystemMatrix::lambda() const noexcept { return stiffness_factor(material_, dynamic_, h_) * material_.lambda(); }
 double SystemMatrix::lumped_mass(int tet) const noexcept {
-  return mass_factor(material_, h_) * 0.25 * material_.density * elements_[tet].volume;
+  return mass_factor(material_, dynamic_, h_) * 0.25 * material_.density * elements_[tet].volume;
 }
 
 void SystemMatrix::assemble(const TissueState& state) noexcept {
@@ -80,7 +85,7 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
   for (int n = 0; n < node_count(); ++n) {
     in_system_[n] = !fixed_[n] && state.live_tets_of_node[n] > 0;
     if (!in_system_[n]) continue;
-    diagonal_[n].diagonal().array() += mass_factor(material_, h_) * state.mass[n];
+    diagonal_[n].diagonal().array() += mass_factor(material_, dynamic_, h_) * state.mass[n];
     trace += diagonal_[n].trace();
     ++nodes;
   }
@@ -149,13 +154,13 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j)
         add(tet[i], tet[j],
-            stiffness_factor(model.material, h) * stiffness_block(b.col(i), b.col(j), model.volume[t],
+            stiffness_factor(model.material, model.dynamic, h) * stiffness_block(b.col(i), b.col(j), model.volume[t],
                                                                   model.material.mu(),
                                                                   model.material.lambda()));
   }
   for (int n = 0; n < model.node_count(); ++n) {
     if (!in_system(n)) continue;
-    add(n, n, mass_factor(model.material, h) * state.mass[n] * Mat3::Identity());
+    add(n, n, mass_factor(model.material, model.dynamic, h) * state.mass[n] * Mat3::Identity());
     ++nodes;
   }
   const double identity_scale = nodes > 0 && trace > 0 ? trace / (3 * nodes) : 1.0;

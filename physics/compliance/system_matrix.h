@@ -1,6 +1,6 @@
 // The system matrix A as 3×3 blocks on the node graph, assembled afresh from live tetrahedra.
 //
-//   A = M/h² + B/h + K = (1/h² + α/h) M + (1 + β/h) K,   K = Σ_e K_e(R_e)
+//   A = M/h² + B/h + K = (1/h² + α/h) M + (1 + β/h) K,   K = Σ_e K_e(R_e);   of a static body A = K
 //
 // Units: A [N/m], h [s]. Shapes: one block per node, one per edge (i, j) with i < j: rows of i, columns of j;
 // the blocks of (j, i) are their transposes. Rows of fixed and orphan nodes are those of the identity times
@@ -58,6 +58,7 @@ class SystemMatrix {
  private:
   double h_;
   Material material_;
+  bool dynamic_;
   std::vector<std::uint8_t> fixed_;
   std::vector<Element> elements_;
   std::vector<Edge> edges_;

@@ -21,7 +21,7 @@ bool turned_far(const Mat3& from, const Mat3& to) {
 void free_motion_of_force(Body& body, double h) {
   external_forces(body.model, body.state, body.scratch);
   body.dx_free += body.scratch;
-  for (int n = 0; n < body.model.node_count(); ++n)
+  for (int n = 0; body.model.dynamic && n < body.model.node_count(); ++n)
     if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
       body.dx_free.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
   body.compliance->apply(body.dx_free, body.dx_free);
@@ -43,11 +43,23 @@ void keep_factored_rotation(Body& body, int t) {
     if (!m.fixed[tet[a]]) body.dx_free.segment<3>(3 * tet[a]) += change.col(a);
 }
 
+// u = C f_ext is all there is to solve for, once: the compliance of a linear static body never changes.
+void compute_free_displacement(Body& body) {
+  if (body.under_load.size() == 0) {
+    body.under_load = VecX::Zero(body.dx_free.size());
+    external_forces(body.model, body.state, body.scratch);
+    if (!body.scratch.isZero(0)) body.compliance->apply(body.scratch, body.under_load);
+  }
+  for (int n = 0; n < body.model.node_count(); ++n)
+    body.dx_free.segment<3>(3 * n) = body.rest[n] + body.under_load.segment<3>(3 * n) - body.state.x[n];
+}
+
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
   TissueModel model;
   if (s.deformable) {
     model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
     model.corotational = s.corotational;
+    model.dynamic = s.dynamic;
     return model;
   }
   model.mesh = std::move(s.mesh);
@@ -82,6 +94,8 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       surface(model.mesh),
       rest(model.mesh.nodes) {
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
+  if (removable && !model.dynamic)
+    throw std::invalid_argument(name + ": a static body cannot be removable: pieces cut loose need their mass");
   edge = mean_edge(model.mesh);
   if (!deformable) return;
   compliance = make_compliance(method, model, h, options);
@@ -95,11 +109,13 @@ bool at_rest(const Body& body) {
 }
 
 void compute_free_motion(Body& body, double h) {
+  if (!body.model.corotational && !body.model.dynamic) return compute_free_displacement(body);
   internal_forces(body.model, body.state, body.dx_free);
   free_motion_of_force(body, h);
 }
 
 void fresh_free_motion(Body& body, double h) {
+  if (!body.model.corotational) return compute_free_motion(body, h);
   body.factored_rotation = body.state.rotation;
   update_rotations(body.model, body.state);
   internal_forces(body.model, body.state, body.dx_free);

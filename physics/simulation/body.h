@@ -1,6 +1,7 @@
 // One body of the scene while it is simulated: model, state, surface, compliance, free motion.
 //
 //   free motion  b = M v/h + f_ext + f_int(x),   Δx_free = C b
+//   static       b = f_ext + f_int(x);  of a linear body then Δx_free = X + C f_ext − x, without a solve
 //
 // A rigid body is a fixed obstacle: it has a surface and no unknowns.
 // Units: m, N. Shapes: vectors have 3·nodes entries.
@@ -26,6 +27,7 @@ struct BodySettings {
   double friction = 0;           // Coulomb μ against the instrument
   bool removable = false;        // the tip may destroy it
   bool corotational = true;      // deformable only; false: linear, right at small rotations only
+  bool dynamic = true;           // deformable only; false: no inertia and no damping; it is held, never cut
 };
 
 struct Body {
@@ -39,6 +41,7 @@ struct Body {
   std::unique_ptr<Compliance> compliance;  // deformable only
   std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
   VecX dx_free;
+  VecX under_load;  // of a linear static body: C f_ext
   VecX scratch;
   std::vector<Mat3> factored_rotation;     // per tetrahedron, as it is in the present factor
   bool asleep = false;  // at rest and out of reach: its step is skipped

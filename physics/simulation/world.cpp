@@ -10,6 +10,7 @@ namespace {
 
 constexpr double zone_keep = 1.15;  // in alarm distances: every node this near must be in the zone
 constexpr double zone_reach = 1.6;  // … and a new zone reaches this far
+constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
 constexpr std::size_t max_zone_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps
@@ -182,7 +183,8 @@ std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const P
   };
   const Pose adopted = pose_in(body.last_base_steps);
   const Pose replaced = pose_in(2 * body.last_base_steps + rest_between_bases);
-  const double reach = zone_reach * settings_.alarm_distance + (rebases_ ? body.edge : 0);
+  const double new_zone = body.model.corotational || rebases_ ? zone_reach : lasting_reach;
+  const double reach = new_zone * settings_.alarm_distance + (rebases_ ? body.edge : 0);
   const double near = zone_keep * settings_.alarm_distance;
 
   const std::size_t nodes = body.state.x.size();

@@ -28,6 +28,7 @@ struct TissueModel {
   std::vector<std::uint8_t> fixed;       // per node
   Vec3 gravity = Vec3::Zero();           // [m/s²]
   bool corotational = true;              // false: every rotation stays the identity, f_int = −K u
+  bool dynamic = true;                   // false: no inertia and no damping, A = K
 
   int node_count() const noexcept { return static_cast<int>(mesh.nodes.size()); }
   int tet_count() const noexcept { return static_cast<int>(mesh.tets.size()); }

@@ -10,6 +10,7 @@
 #include <string>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 namespace hapticd {
 namespace {
@@ -21,8 +22,9 @@ struct Answer {
   std::string text;
 };
 
-Answer check(const fs::path& scene) {
-  FILE* pipe = popen((BIN_DIR "/hapticd " + scene.string() + " --check </dev/null 2>&1").c_str(), "r");
+Answer check(const fs::path& scene, const std::string& more = "") {
+  FILE* pipe =
+      popen((BIN_DIR "/hapticd " + scene.string() + " --check" + more + " </dev/null 2>&1").c_str(), "r");
   Answer answer{-1, ""};
   char part[4096];
   for (std::size_t n; (n = fread(part, 1, sizeof part, pipe)) > 0;) answer.text.append(part, n);
@@ -74,6 +76,20 @@ TEST_F(CheckCommand, AcceptsTheShippedScenes) {
     EXPECT_EQ(answer.code, 0) << answer.text;
     EXPECT_NE(answer.text.find("tetrahedra"), std::string::npos);
   }
+}
+
+// Each line with its reason, and the same in JSON.
+TEST_F(CheckCommand, PrintsThePlan) {
+  const Answer answer = check(fs::path(SOURCE_DIR) / "config/scenes/economy/static_pad.yaml",
+                              " --json " + (folder_ / "plan.json").string());
+  EXPECT_EQ(answer.code, 0) << answer.text;
+  EXPECT_NE(answer.text.find("pad: elements"), std::string::npos) << answer.text;
+  const nlohmann::json json = nlohmann::json::parse(text_of(folder_ / "plan.json"));
+  ASSERT_FALSE(json["plan"].empty());
+  EXPECT_EQ(json["plan"].back()["term"], "total");
+  for (const auto& line : json["plan"])
+    for (const char* key : {"term", "choice", "reason", "cost_ms", "error_estimate"})
+      EXPECT_TRUE(line.contains(key)) << key;
 }
 
 TEST_F(CheckCommand, UnknownKey) {

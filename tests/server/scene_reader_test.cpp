@@ -126,6 +126,28 @@ TEST_F(SceneFile, GoodSceneIsRead) {
   EXPECT_EQ(read(good_scene, "falcon").device.max_force, 8);
 }
 
+TEST_F(SceneFile, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
+  const Scene plain = read(good_scene);
+  EXPECT_FALSE(plain.plans);
+  EXPECT_TRUE(plain.bodies[0].corotational && plain.bodies[0].dynamic && plain.bodies[0].simulated);
+
+  const Scene planned = read("model: auto\naccuracy: 0.05\n" + good_scene);
+  EXPECT_TRUE(planned.plans);
+  EXPECT_EQ(planned.accuracy, 0.05);
+  EXPECT_TRUE(planned.pinned_contact);  // it stands there
+  EXPECT_FALSE(planned.pinned_compliance || planned.bodies[0].pinned_elements);
+
+  const Scene pinned = read("model: {elements: linear, motion: static, friction: false}\n" + good_scene);
+  EXPECT_TRUE(pinned.plans && pinned.bodies[0].pinned_elements && !pinned.bodies[0].corotational);
+  EXPECT_TRUE(pinned.bodies[0].dynamic);  // it can be cut
+  EXPECT_FALSE(pinned.friction);
+
+  expect_fault("scene: test", "scene: test\nmodel: automatic", "model", "auto");
+  expect_fault("scene: test", "scene: test\naccuracy: 0", "accuracy", "above 0");
+  expect_fault("removable: true", "removable: true\n    motion: static", "bodies[0].motion", "held");
+  expect_fault("removable: true", "removable: true\n    elements: elastic", "bodies[0].elements", "linear");
+}
+
 TEST_F(SceneFile, UnknownKeys) {
   expect_fault("  rate: 50", "  raet: 50", "simulation.raet", "did you mean 'rate'?");
   expect_fault("removable: true", "removeable: true", "bodies[0].removeable", "did you mean 'removable'?");
