@@ -13,6 +13,7 @@ namespace {
 constexpr NumberRange young{0, 1e12, true, false,
                             "Young's modulus in pascals; soft tissue has kilopascals: 3e3"};
 constexpr NumberRange poisson{-1, 0.5, true, true, "Poisson's ratio; 0.5 would be incompressible"};
+constexpr NumberRange poisson_cap{0, 0.5, true, true, "Poisson's ratio that linear tetrahedra bear: 0.45"};
 constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; tissue has about 1000"};
 constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
 constexpr NumberRange rayleigh_stiffness{0, 10, false, false, "beta of B = alpha M + beta K, in seconds"};
@@ -34,11 +35,14 @@ TetMesh read_body_mesh(const YamlMap& yaml, const std::filesystem::path& file) {
 }
 
 Material read_material(const YamlMap& yaml) {
-  yaml.only({"young", "poisson", "density", "rayleigh"});
+  yaml.only({"young", "poisson", "density", "poisson_cap", "rayleigh", "law"});
   Material material;
   material.young = yaml.number("young", young);
   material.poisson = yaml.number("poisson", poisson);
   material.density = yaml.number("density", density);
+  if (yaml.has("poisson_cap"))
+    material = lowered(material, yaml.number("poisson_cap", poisson_cap));
+  if (yaml.has("law")) material.law = static_cast<Law>(yaml.choice("law", {"corotational", "guarded"}));
   if (yaml.has("rayleigh")) {
     const YamlMap rayleigh = yaml.map("rayleigh");
     rayleigh.only({"mass", "stiffness"});

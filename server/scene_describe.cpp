@@ -49,6 +49,7 @@ void describe_body(std::string& out, const SceneBody& body) {
     const Material& m = body.material;
     line(out, "           E %.4g Pa, nu %.3g, density %.4g kg/m3, damping alpha %.3g 1/s, beta %.3g s",
          m.young, m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
+    if (m.law == Law::guarded) line(out, "           guarded: elements that lose their volume are pushed back");
     if (body.fixed_nodes.empty())
       line(out, "           floating");
     else

@@ -29,5 +29,6 @@ Command add_abuse(CLI::App& application);
 Command add_chart_warping(CLI::App& chart);
 Command add_chart_lcp(CLI::App& chart);
 Command add_chart_economy(CLI::App& chart);
+Command add_chart_tissue(CLI::App& chart);
 
 }  // namespace hapticd

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "physics/tissue/guard.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
@@ -56,8 +57,9 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
   in_system_.resize(model.node_count());
 }
 
-double SystemMatrix::mu() const noexcept { return stiffness_factor(material_, dynamic_, h_) * material_.mu(); }
-double SystemMatrix::lambda() const noexcept { return stiffness_factor(material_, dynamic_, h_) * material_.lambda(); }
+double SystemMatrix::stiffness() const noexcept { return stiffness_factor(material_, dynamic_, h_); }
+double SystemMatrix::mu() const noexcept { return stiffness() * material_.mu(); }
+double SystemMatrix::lambda() const noexcept { return stiffness() * material_.lambda(); }
 double SystemMatrix::lumped_mass(int tet) const noexcept {
   return mass_factor(material_, dynamic_, h_) * 0.25 * material_.density * elements_[tet].volume;
 }
@@ -80,6 +82,9 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
     }
   }
 
+  for (const Collapsed& c : state.collapsed)
+    if (state.alive[c.tet]) add_collapsed(c);
+
   double trace = 0;
   int nodes = 0;
   for (int n = 0; n < node_count(); ++n) {
@@ -92,6 +97,17 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
   identity_scale_ = nodes > 0 && trace > 0 ? trace / (3 * nodes) : 1.0;
   for (int n = 0; n < node_count(); ++n)
     if (!in_system_[n]) diagonal_[n] = identity_scale_ * Mat3::Identity();
+}
+
+void SystemMatrix::add_collapsed(const Collapsed& c) noexcept {
+  const Element& element = elements_[c.tet];
+  const std::array<int, 4> corner = corners_in_order(element.node, c.node);
+  for (int a = 0; a < 4; ++a)
+    diagonal_[element.node[a]] += stiffness() * guard_block(c, corner[a], corner[a]);
+  for (int p = 0; p < 6; ++p)
+    if (element.edge[p] >= 0)
+      coupling_[element.edge[p]] +=
+          stiffness() * guard_block(c, corner[corner_pairs[p][0]], corner[corner_pairs[p][1]]);
 }
 
 std::vector<std::uint8_t> SystemMatrix::live_edges(const TissueState& state) const {
@@ -158,6 +174,10 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
                                                                   model.material.mu(),
                                                                   model.material.lambda()));
   }
+  for (const Collapsed& c : state.collapsed)
+    for (int i = 0; state.alive[c.tet] && i < 4; ++i)
+      for (int j = 0; j < 4; ++j)
+        add(c.node[i], c.node[j], stiffness_factor(model.material, model.dynamic, h) * guard_block(c, i, j));
   for (int n = 0; n < model.node_count(); ++n) {
     if (!in_system(n)) continue;
     add(n, n, mass_factor(model.material, model.dynamic, h) * state.mass[n] * Mat3::Identity());

@@ -51,11 +51,14 @@ class SystemMatrix {
   bool fixed(int node) const noexcept { return fixed_[node] != 0; }
   // What one element adds: blocks from (1 + β/h) μ and λ, and on the diagonal of each of its nodes
   // (1/h² + α/h) times a quarter of its mass.
+  double stiffness() const noexcept;  // 1 + β/h
   double mu() const noexcept;
   double lambda() const noexcept;
   double lumped_mass(int tet) const noexcept;
 
  private:
+  void add_collapsed(const Collapsed& c) noexcept;
+
   double h_;
   Material material_;
   bool dynamic_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "physics/compliance/cholmod_factor.h"
+#include "physics/tissue/guard.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
@@ -89,6 +90,16 @@ void ZoneBase::add_inside(const TissueState& now, std::span<const Mat3> Q, MatX&
         if (p == q) block.diagonal().array() += mass;
       }
     }
+  }
+  for (const Collapsed& c : now.collapsed) {
+    if (!is_inside_[c.tet] || !now.alive[c.tet]) continue;
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) {
+        const int a = c.node[i], b = c.node[j];
+        if (matrix.fixed(a) || matrix.fixed(b) || zone_place(b) > zone_place(a)) continue;
+        S.block<3, 3>(3 * zone_place(a), 3 * zone_place(b)).noalias() +=
+            matrix.stiffness() * (Q[a].transpose() * guard_block(c, i, j) * Q[b]);
+      }
   }
 }
 

@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "physics/tissue/guard.h"
 #include "physics/tissue/rotation.h"
 #include "physics/tissue/surface.h"
 #include "physics/tissue/tetrahedron.h"
@@ -76,6 +77,7 @@ TissueState rest_state(const TissueModel& model) {
   state.v.assign(model.node_count(), Vec3::Zero());
   state.rotation.assign(model.tet_count(), Mat3::Identity());
   state.alive.assign(model.tet_count(), 1);
+  if (model.material.law == Law::guarded) state.collapsed.reserve(model.tet_count());
   sum_mass(model, state);
   return state;
 }
@@ -85,10 +87,13 @@ void update_rotations(const TissueModel& model, TissueState& state) noexcept {
   std::array<Mat3, rotation_lanes> F;
   std::array<Mat3*, rotation_lanes> R;
   int filled = 0;
+  const bool guarded = model.material.law == Law::guarded;
+  state.collapsed.clear();
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
     F[filled] = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
     R[filled] = &state.rotation[t];
+    if (guarded) guard(model, t, F[filled], state);
     if (++filled < rotation_lanes) continue;
     nearest_rotations(F, R);
     filled = 0;
@@ -108,6 +113,9 @@ void internal_forces(const TissueModel& model, const TissueState& state, Eigen::
         element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], mu, lambda);
     for (int a = 0; a < 4; ++a) f.segment<3>(3 * tet[a]) += force.col(a);
   }
+  for (const Collapsed& c : state.collapsed)
+    for (int a = 0; state.alive[c.tet] && a < 4; ++a)
+      f.segment<3>(3 * c.node[a]) += c.force * c.push.col(a);
   for (int n = 0; n < model.node_count(); ++n)
     if (model.fixed[n]) f.segment<3>(3 * n).setZero();
 }
@@ -131,6 +139,8 @@ double elastic_energy(const TissueModel& model, const TissueState& state) noexce
         straining(model, deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]));
     energy += element_energy(F, state.rotation[t], model.volume[t], mu, lambda);
   }
+  for (const Collapsed& c : state.collapsed)
+    if (state.alive[c.tet]) energy += c.energy;
   return energy;
 }
 

@@ -38,10 +38,22 @@ struct TissueModel {
 TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
                               const Vec3& gravity);
 
+// A tetrahedron of a guarded material that has all but lost its volume (guard.h).
+struct Collapsed {
+  int tet;
+  Tet node;
+  Gradients gradients;  // of the rest shape
+  Gradients push;       // ∂J/∂x_a [1/m]
+  double force;         // V p: f_a = force · push_a
+  double steep, spread;  // K_ab = steep push_a push_bᵀ + spread (g_a·g_b) I
+  double energy;        // [J]
+};
+
 struct TissueState {
   std::vector<Vec3> x;                   // present positions [m]
   std::vector<Vec3> v;                   // [m/s]
   std::vector<Mat3> rotation;            // per tetrahedron, det = +1, warm start for the next
+  std::vector<Collapsed> collapsed;      // of a guarded material, at x, as the rotations
   std::vector<std::uint8_t> alive;       // per tetrahedron
   std::vector<double> mass;              // lumped, summed afresh from live tetrahedra [kg]
   std::vector<int> live_tets_of_node;    // 0: orphan
@@ -50,7 +62,8 @@ struct TissueState {
 
 TissueState rest_state(const TissueModel& model);
 
-// Rotations of all live tetrahedra at x, warm-started from the state's; of a linear model they stay.
+// Rotations of all live tetrahedra at x, warm-started from the state's, and which are collapsed; of a linear
+// model they stay.
 void update_rotations(const TissueModel& model, TissueState& state) noexcept;
 
 // f_int(x) at the state's positions and rotations, and f_ext = gravity · mass, 3·nodes entries [N].

@@ -148,6 +148,16 @@ TEST_F(SceneFile, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
   expect_fault("removable: true", "removable: true\n    elements: elastic", "bodies[0].elements", "linear");
 }
 
+TEST_F(SceneFile, LawAndCappedPoissonRatio) {
+  EXPECT_EQ(read(good_scene).bodies[0].material.law, Law::corotational);
+  const Scene scene = read(with(good_scene, "poisson: 0.45", "poisson: 0.49\n      poisson_cap: 0.45\n      law: guarded"));
+  const Material& m = scene.bodies[0].material;
+  EXPECT_EQ(m.law, Law::guarded);
+  EXPECT_EQ(m.poisson, 0.45);
+  EXPECT_NEAR(m.young / (1 - 0.45 * 0.45), 3000 / (1 - 0.49 * 0.49), 1e-9);
+  expect_fault("poisson: 0.45", "poisson: 0.45\n      law: rubber", "bodies[0].material.law", "guarded");
+}
+
 TEST_F(SceneFile, UnknownKeys) {
   expect_fault("  rate: 50", "  raet: 50", "simulation.raet", "did you mean 'rate'?");
   expect_fault("removable: true", "removeable: true", "bodies[0].removeable", "did you mean 'removable'?");

@@ -2,6 +2,6 @@
 # Makes the meshes of this folder from their .geo files with gmsh (4.8): same input, same bytes.
 set -eu
 cd "$(dirname "$0")"
-for body in lens capsule cornea; do
+for body in lens lens_graded capsule cornea; do
   gmsh -3 -nt 1 -v 2 -format msh41 -o "$body.msh" "$body.geo"
 done

@@ -7,45 +7,19 @@
 #include <cmath>
 #include <cstdio>
 
-#include "tests/support/bodies.h"
+#include "tools/tissue_analytic.h"
+#include "tools/tissue_hertz.h"
 
 namespace hapticd {
 namespace {
 
-constexpr double E = 10e3, nu = 0.3, R = 10e-3;
-
-double hertz(double d) { return 4.0 / 3 * E / (1 - nu * nu) * std::sqrt(R * d * d * d); }
-
-// A block below z = 0 of n × n × n/2 cells, its nodes drawn together about the origin: x = half sinh(β
-// s)/sinh β, s even. All sizes fall alike with n.
-BodySettings large_block(int n, double half) {
-  const double beta = 5.3;
-  BodySettings b =
-      block("block", Vec3(2, 2, 1), {n, n, n / 2}, {E, nu, 1000, 0, 0}, {Vec3(-1, -1, -1), Quat::Identity()});
-  for (Vec3& p : b.mesh.nodes) p = half / std::sinh(beta) * (beta * p.array()).sinh().matrix();
-  b.fixed_nodes = b.mesh.group("bottom")->nodes;
-  return b;
-}
-
-// The sphere's lower cap as a plate whose nodes lie on it, `d` deep.
-BodySettings cap(double reach, int n, double d) {
-  BodySettings b =
-      slab("sphere", Vec3(2 * reach, 2 * reach, 1), {n, n, 1}, {Vec3(-reach, -reach, 0), Quat::Identity()});
-  for (Vec3& p : b.mesh.nodes)
-    p.z() = p.z() > 0.5 ? 2e-3 : R - d - std::sqrt(R * R - p.x() * p.x() - p.y() * p.y());
-  return b;
-}
+double hertz(double d) { return hertz_force(d, hertz_radius, hertz_young, hertz_poisson); }
 
 double force(double d, int n) {
-  const double a = std::sqrt(R * d);
-  WorldSettings s = contact_world({{0, 1, 0}});
-  s.h = 10;  // quasi-static
-  World world({large_block(n, 60 * a), cap(2.5 * a, 60, d)}, ball(1e-3), s);
-  auto problem = std::make_unique<CondensedProblem>();
-  const StepReport r = world.step([] { return nobody(); }, *problem);
-  EXPECT_EQ(r.body_contact.dropped, 0);
-  EXPECT_LT(r.body_contact.penetration, 1e-3 * d);
-  return world.contacts().force_on(1).z();
+  const HertzResult r = hertz_by_bodies(d, n);
+  EXPECT_EQ(r.dropped, 0);
+  EXPECT_LT(r.penetration, 1e-3 * d);
+  return r.force;
 }
 
 TEST(Hertz, ForceAgainstDepthIsReachedByRefinement) {
@@ -55,9 +29,8 @@ TEST(Hertz, ForceAgainstDepthIsReachedByRefinement) {
   for (int k = 0; k < 3; ++k) {
     const double f = force(d, cells[k]);
     error[k] = f / hertz(d) - 1;
-    std::printf("  depth %.0f um, elements of %.2f contact radii: %.5f mN, Hertz %.5f mN: %+.2f %%\n",
-                1e6 * d, 60 * std::sinh(5.3 * 2 / cells[k]) / std::sinh(5.3), 1e3 * f, 1e3 * hertz(d),
-                100 * error[k]);
+    std::printf("  depth %.0f um, %d cells: %.5f mN, Hertz %.5f mN: %+.2f %%\n", 1e6 * d, cells[k], 1e3 * f,
+                1e3 * hertz(d), 100 * error[k]);
   }
   std::printf("  order of refinement %.2f, %.2f\n", std::log(error[0] / error[1]) / std::log(34.0 / 24),
               std::log(error[1] / error[2]) / std::log(48.0 / 34));

@@ -1,0 +1,37 @@
+#include "physics/tissue/guard.h"
+
+#include <Eigen/LU>
+
+namespace hapticd {
+
+namespace {
+
+Mat3 cofactor(const Mat3& F) noexcept {
+  Mat3 C;
+  C.col(0) = F.col(1).cross(F.col(2));
+  C.col(1) = F.col(2).cross(F.col(0));
+  C.col(2) = F.col(0).cross(F.col(1));
+  return C;
+}
+
+}  // namespace
+
+void guard(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept {
+  const double J = F.determinant();
+  if (!(J < guard_from)) return;
+  const double volume = model.volume[tet];
+  const double kappa = guard_stiffness * (model.material.lambda() + 2 * model.material.mu());
+  const double pressure = kappa * (guard_from - J);
+  Collapsed c;
+  c.tet = tet;
+  c.node = model.mesh.tets[tet];
+  c.gradients = model.gradients[tet];
+  c.push = cofactor(F) * c.gradients;
+  c.force = volume * pressure;
+  c.steep = volume * kappa;
+  c.spread = volume * pressure * F.norm();
+  c.energy = 0.5 * volume * kappa * (guard_from - J) * (guard_from - J);
+  state.collapsed.push_back(c);
+}
+
+}  // namespace hapticd
