@@ -11,7 +11,7 @@
 namespace hapticd {
 namespace {
 
-constexpr std::int64_t silence_ns = 100'000'000;
+constexpr std::int64_t silence_ns = 500'000'000;
 
 dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void* self) noexcept {
   dds_topic_filter filter{};
@@ -125,12 +125,18 @@ std::int64_t DdsDevicePort::await(std::int64_t until_ns) noexcept {
   return 0;
 }
 
+bool DdsDevicePort::matching_changed() const noexcept {
+  std::uint32_t changed = 0;
+  dds_get_status_changes(reader_.handle(), &changed);
+  return (changed & DDS_SUBSCRIPTION_MATCHED_STATUS) != 0;
+}
+
 // The pinned writer's handle if it is no longer matched, else 0. A writer that is deleted among others
 // changes no instance state, so the list is asked for, but only when the matching changed.
 dds_instance_handle_t DdsDevicePort::departed() noexcept {
-  std::uint32_t changed = 0;
-  dds_get_status_changes(reader_.handle(), &changed);
-  if (!(changed & DDS_SUBSCRIPTION_MATCHED_STATUS)) return 0;
+  alone_ = writers_ == 1;
+  if (!matching_changed()) return 0;
+  alone_ = false;
   reader_.matched();  // reading the status resets the change
   std::array<dds_instance_handle_t, 64> writer;
   writers_ = dds_get_matched_publications(reader_.handle(), writer.data(), writer.size());
@@ -177,8 +183,9 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
     const std::int64_t sent_ns = now_ns - (unix_now - info.source_timestamp);
     sample.received_ns = std::clamp(sent_ns, std::min(last_take_ns_, now_ns), now_ns);
     taken = true;
-    // Disposed right behind its last state. Among several writers it may have been another's dispose.
-    if (info.instance_state != DDS_ALIVE_INSTANCE_STATE && writers_ == 1) pinned_ = 0;
+    // Disposed right behind its last state; or by another that was there since the last take, though it may
+    // have left meanwhile.
+    if (info.instance_state != DDS_ALIVE_INSTANCE_STATE && alone_ && !matching_changed()) pinned_ = 0;
   }
   if (pinned_ == gone) pinned_ = 0;
   client_.store(pinned_, std::memory_order_relaxed);

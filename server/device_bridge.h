@@ -3,7 +3,8 @@
 // Who is the client: the writer whose sample comes first is pinned by its publication handle. Samples
 // of other writers with the same device id are refused and reported as a conflict; they change
 // nothing for the first. The pin ends when that writer disposes, unregisters or is unmatched, and
-// when it is silent for 100 ms (a killed process disposes nothing, its lease lasts 10 s); the next
+// when it is silent for 500 ms (a killed process disposes nothing, its lease lasts 10 s; a starved one is
+// disarmed after 100 ms, but keeps its device against whoever is heard meanwhile); the next
 // writer heard is then a new client. The same writer coming back is not new: it has to show
 // enable false → true to be armed again.
 // Refused already by a filter in Cyclone's receive thread, before a sample is kept: what is for another
@@ -43,6 +44,7 @@ class DdsDevicePort final : public DevicePort {
 
   void arrived() noexcept;
   bool wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept;
+  bool matching_changed() const noexcept;  // since `departed` looked
   dds_instance_handle_t departed() noexcept;
   bool admit(dds_instance_handle_t writer, std::int64_t now_ns) noexcept;
 
@@ -58,6 +60,7 @@ class DdsDevicePort final : public DevicePort {
   dds_instance_handle_t pinned_ = 0;  // the client's writer; 0: none
   dds_instance_handle_t last_pinned_ = 0;
   int writers_ = 0;            // matched, of any device id
+  bool alone_ = false;         // the only one since before the last take
   std::int64_t heard_ns_ = 0;  // from the client
   std::int64_t last_take_ns_ = 0;
   Presence presence_;

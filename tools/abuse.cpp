@@ -268,6 +268,7 @@ int Abuse::report(const Session& session) {
   const nlohmann::json daemon = nlohmann::json::parse(text_of(figures_), nullptr, false);
   j["command"] = "abuse";
   j["mode"] = options_.mode;
+  j["realtime"] = session.client.grant().granted;
   j["stages"] = list;
   j["force_limit_n"] = maximum;
   j["step_limit_n"] = step;

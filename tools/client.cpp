@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::int64_t period_ns = 1'000'000;
 constexpr std::int64_t silence_ns = 2'000'000'000;
-constexpr int slots_before_enable = 50;
+constexpr int slots_before_enable = 50, slots_between_edges = 1000;
 constexpr int rounds_of_phase = 3;
 constexpr double phase_tolerance_us = 150;
 
@@ -106,6 +106,8 @@ bool DeviceClient::arm(const DeviceCommand& first) noexcept {
   int rounds = 0;
   ages_since_.store(number_ + slots_before_enable, std::memory_order_release);
   for (int slot = 0;; ++slot) {
+    // A starved client that was silent for 100 ms is disarmed until the next edge.
+    if (slot >= slots_between_edges && (status_.load(std::memory_order_relaxed) & status_disarmed)) slot = 0;
     sleep_until(next_ns_);
     send(first, number_++, slot >= slots_before_enable);
     const std::int64_t now = monotonic_ns();

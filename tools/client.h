@@ -2,9 +2,10 @@
 //
 // Life of a run, all on one 1 kHz grid of absolute times:
 //   arming    the first pose is sent steadily: 50 slots without `enable`, then with it, so that the daemon
-//             sees an edge and no jump. From the state ages in the answers the client learns its phase
-//             against the daemon's tick, and moves its own grid so that states leave half a period before
-//             the tick (near a phase of 0 a state is taken twice or not at all). It moves only here.
+//             sees an edge and no jump; again each second while it stays disarmed. From the state ages in the
+//             answers the client learns its phase against the daemon's tick, and moves its own grid so that
+//             states leave half a period before the tick (near a phase of 0 a state is taken twice or not at
+//             all). It moves only here.
 //   slots     slot k of the plan at t0 + k ms; a client that wakes too late for a slot skips it (slots.h).
 //   letting go  20 ms of the last pose, so that the last slot can be answered, 5 ms without `enable`, and
 //             the state is disposed of: the daemon then knows that its client is gone.

@@ -44,13 +44,17 @@ def draw_minutes(axis, figures):
     minutes = figures["minutes"]
     x = np.arange(1, len(minutes) + 1)
     for key, name, colour in (("wake_us", "wake-up", "tab:blue"), ("cyclictest_us", "cyclictest", "tab:orange"),
-                              ("rtt_us", "round trip, event", "tab:green")):
-        for percentile, style in (("p50", "-"), ("p99", "--")):
+                              ("rtt_us", "round trip, event", "tab:green"), ("compute_us", "haptic step", "tab:red")):
+        for percentile, style in (("p50", "-"), ("p99", "--"), ("p99_9", ":")):
             y = [m[key][percentile] if m[key][percentile] is not None else np.nan for m in minutes]
             axis.plot(x, y, style, marker=".", color=colour, label=f"{name} {percentile.replace('_', '.')}")
     axis.set(xlabel="minute", ylabel="µs", yscale="log")
     axis.grid(alpha=0.3)
-    axis.legend(fontsize=7, ncol=3)
+    axis.legend(fontsize=6, ncol=4)
+    memory = axis.twinx()
+    memory.plot(x, [m["rss_mb"] for m in minutes], color="0.4", linewidth=0.8)
+    highest = max(m["rss_mb"] for m in minutes)
+    memory.set(ylabel="memory of the daemons, MB (grey)", ylim=(0, 1.3 * highest if highest > 0 else 1))
 
 
 def main(source, target):

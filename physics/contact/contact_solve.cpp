@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/placed_instrument.h"
+
 namespace hapticd {
 namespace {
 
@@ -152,9 +154,10 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
 double deepest_overlap(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
                        const ContactScratch& scratch) noexcept {
   double deepest = 0;
+  const PlacedInstrument placed(instrument, X);
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const Vec3 s = sample_position(problem, scratch.x, scratch.rows.row[i].sample);
-    deepest = std::max(deepest, -gap_at(instrument, X, s).distance);
+    if (placed.near(s, -deepest)) deepest = std::max(deepest, -placed.gap(s).distance);
   }
   return deepest;
 }

@@ -7,86 +7,152 @@ namespace {
 
 constexpr double rigid_compliance = 1e-3;  // of the coupling's, at contacts with less of their own
 
+// Of a vector in space the fourth lane is not meant.
+using Lanes = double __attribute__((vector_size(32), aligned(8), may_alias));
+
+Lanes lanes(const Vec3& v) noexcept { return Lanes{v[0], v[1], v[2], 0}; }
+const Lanes& load(const double* p) noexcept { return *reinterpret_cast<const Lanes*>(p); }
+
 // Column panel of one contact: how nodes and instrument move per unit of its force in each frame direction.
+template <int columns>
 class Panel {
  public:
-  void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row,
-            int columns) noexcept {
+  void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row) noexcept {
     const PatchSample& s = problem.sample[row.sample];
     deforms_ = s.node[0] >= 0;
     for (int c = 0; c < columns; ++c) {
       const Vec3 f = row.frame.col(c);
-      shift_[c] = K_inv_diag.head<3>().cwiseProduct(f);
+      shift_[c] = lanes(K_inv_diag.head<3>().cwiseProduct(f));
       turn_[c] = K_inv_diag.tail<3>().cwiseProduct(row.arm.cross(f));
-      if (deforms_) fill_column(problem, s, f, node_[c].data());
     }
+    if (deforms_) fill_nodes(problem, s, row.frame);
   }
 
-  // Displacement of another contact's point against the instrument, per unit of this one's force: G f + B f.
-  Vec3 tissue(const PatchSample& s, int c) const noexcept {
-    if (!deforms_ || s.node[0] < 0) return Vec3::Zero();
+  // Displacement of another contact's point per unit of this one's force in direction c: G f.
+  Lanes tissue(const PatchSample& s, int c) const noexcept {
+    if (!deforms_ || s.node[0] < 0) return Lanes{};
     const double* p = node_[c].data();
-    const double *p0 = p + 3 * s.node[0], *p1 = p + 3 * s.node[1], *p2 = p + 3 * s.node[2];
-    const double w0 = s.weight[0], w1 = s.weight[1], w2 = s.weight[2];
-    return {w0 * p0[0] + w1 * p1[0] + w2 * p2[0], w0 * p0[1] + w1 * p1[1] + w2 * p2[1],
-            w0 * p0[2] + w1 * p1[2] + w2 * p2[2]};
+    return s.weight[0] * load(p + 3 * s.node[0]) + s.weight[1] * load(p + 3 * s.node[1]) +
+           s.weight[2] * load(p + 3 * s.node[2]);
   }
-  Vec3 coupling(const Vec3& arm, int c) const noexcept { return shift_[c] + turn_[c].cross(arm); }
+  // B f is shift + turn × arm there.
+  Lanes shift(int c) const noexcept { return shift_[c]; }
+  const Vec3& turn(int c) const noexcept { return turn_[c]; }
 
  private:
-  static void fill_column(const CondensedProblem& problem, const PatchSample& s, const Vec3& f,
-                          double* out) noexcept {
+  // One pass over the nine columns of C; the loop is written for the vectoriser.
+  void fill_nodes(const CondensedProblem& problem, const PatchSample& s, const Mat3& frame) noexcept {
     const int size = 3 * problem.nodes;
-    for (int a = 0; a < 3; ++a) {
-      const double* C = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[a]) * size;
-      const double x = s.weight[a] * f[0], y = s.weight[a] * f[1], z = s.weight[a] * f[2];
-      if (a == 0) {
-        for (int k = 0; k < size; ++k) out[k] = x * C[k] + y * C[size + k] + z * C[2 * size + k];
-      } else {
-        for (int k = 0; k < size; ++k) out[k] += x * C[k] + y * C[size + k] + z * C[2 * size + k];
+    const double* __restrict C0 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[0]) * size;
+    const double* __restrict C1 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[1]) * size;
+    const double* __restrict C2 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[2]) * size;
+    const double w0 = s.weight[0], w1 = s.weight[1], w2 = s.weight[2];
+    const Mat3 f = frame;
+    double* __restrict out0 = node_[0].data();
+    double* __restrict out1 = node_[columns > 1 ? 1 : 0].data();
+    double* __restrict out2 = node_[columns > 1 ? 2 : 0].data();
+    for (int k = 0; k < size; ++k) {
+      const double x = w0 * C0[k] + w1 * C1[k] + w2 * C2[k];
+      const double y = w0 * C0[size + k] + w1 * C1[size + k] + w2 * C2[size + k];
+      const double z = w0 * C0[2 * size + k] + w1 * C1[2 * size + k] + w2 * C2[2 * size + k];
+      out0[k] = f(0, 0) * x + f(1, 0) * y + f(2, 0) * z;
+      if constexpr (columns > 1) {
+        out1[k] = f(0, 1) * x + f(1, 1) * y + f(2, 1) * z;
+        out2[k] = f(0, 2) * x + f(1, 2) * y + f(2, 2) * z;
       }
     }
   }
 
   bool deforms_ = false;
-  std::array<std::array<double, 3 * max_patch_nodes>, 3> node_;
-  std::array<Vec3, 3> shift_, turn_;
+  // One more for the last node's fourth lane.
+  std::array<std::array<double, 3 * max_patch_nodes + 1>, columns> node_{};
+  Lanes shift_[columns];
+  std::array<Vec3, columns> turn_;
 };
 
+// One contact as the others meet it. n·(turn × arm) = turn·(arm × n).
+template <int m>
+struct Probe;
+
+template <>
+struct Probe<1> {
+  Lanes normal, moment;
+  Probe() = default;
+  explicit Probe(const ContactRow& row) noexcept
+      : normal(lanes(row.frame.col(0))), moment(lanes(row.arm.cross(row.frame.col(0)))) {}
+  double operator()(const Panel<1>& panel, const PatchSample& s, int) const noexcept {
+    const Lanes w = normal * (panel.tissue(s, 0) + panel.shift(0)) + moment * lanes(panel.turn(0));
+    return w[0] + w[1] + w[2];
+  }
+};
+
+// Lanes are the contact's three rows: no sum across them.
+template <>
+struct Probe<3> {
+  Lanes direction[3], moment[3];  // by axis of space
+  Probe() = default;
+  explicit Probe(const ContactRow& row) noexcept {
+    for (int k = 0; k < 3; ++k) direction[k] = lanes(row.frame.row(k));
+    for (int c = 0; c < 3; ++c) {
+      const Vec3 t = row.arm.cross(row.frame.col(c));
+      for (int k = 0; k < 3; ++k) moment[k][c] = t[k];
+    }
+    for (Lanes& l : moment) l[3] = 0;
+  }
+  Lanes operator()(const Panel<3>& panel, const PatchSample& s, int c) const noexcept {
+    const Lanes u = panel.tissue(s, c) + panel.shift(c);
+    const Vec3& turn = panel.turn(c);
+    return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2] + turn[0] * moment[0] +
+           turn[1] * moment[1] + turn[2] * moment[2];
+  }
+};
+
+double entry(double w, int) noexcept { return w; }
+double entry(const Lanes& w, int r) noexcept { return w[r]; }
+
 // Compliance that a contact lacks to a thousandth of the coupling's there; traces of the three directions.
+template <int columns>
 double missing_compliance(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row,
-                          const Panel& panel, int columns) noexcept {
+                          const Panel<columns>& panel) noexcept {
   const Vec3 turn = K_inv_diag.tail<3>();
   double B = K_inv_diag.head<3>().sum(), G = 0;
   for (int c = 0; c < 3; ++c) B += turn[c] * (row.arm.squaredNorm() - row.arm[c] * row.arm[c]);
   const PatchSample& s = problem.sample[row.sample];
-  for (int c = 0; c < columns; ++c) G += row.frame.col(c).dot(panel.tissue(s, c));
+  for (int c = 0; c < columns; ++c) {
+    const Lanes u = panel.tissue(s, c);
+    G += row.frame.col(c).dot(Vec3(u[0], u[1], u[2]));
+  }
   return std::max(0.0, rigid_compliance * B / 3 - G / columns);
+}
+
+template <int m>
+void assemble(const CondensedProblem& problem, const Vec6& K_inv_diag, ContactRows& rows) noexcept {
+  auto W = rows.W();
+  Panel<m> panel;
+  std::array<Probe<m>, max_contacts> probe;
+  for (int i = 0; i < rows.contacts; ++i) probe[i] = Probe<m>(rows.row[i]);
+  for (int j = 0; j < rows.contacts; ++j) {
+    panel.fill(problem, K_inv_diag, rows.row[j]);
+    for (int i = j; i < rows.contacts; ++i) {
+      const PatchSample& sample = problem.sample[rows.row[i].sample];
+      for (int c = 0; c < m; ++c) {
+        const auto w = probe[i](panel, sample, c);
+        for (int r = i == j ? c : 0; r < m; ++r)
+          W(m * i + r, m * j + c) = W(m * j + c, m * i + r) = entry(w, r);
+      }
+    }
+    const double missing = missing_compliance(problem, K_inv_diag, rows.row[j], panel);
+    for (int c = 0; c < m; ++c) W(m * j + c, m * j + c) += missing;
+  }
 }
 
 }  // namespace
 
 void assemble_delassus(const CondensedProblem& problem, const Vec6& K_inv_diag, ContactRows& rows) noexcept {
-  auto W = rows.W();
-  const int m = rows.rows_per_contact;
-  Panel panel;
-  for (int j = 0; j < rows.contacts; ++j) {
-    panel.fill(problem, K_inv_diag, rows.row[j], m);
-    for (int i = j; i < rows.contacts; ++i) {
-      const ContactRow& row = rows.row[i];
-      const PatchSample& sample = problem.sample[row.sample];
-      for (int c = 0; c < m; ++c) {
-        const Vec3 u = panel.tissue(sample, c) + panel.coupling(row.arm, c);
-        for (int r = i == j ? c : 0; r < m; ++r) {
-          const double w = row.frame.col(r).dot(u);
-          W(m * i + r, m * j + c) = w;
-          W(m * j + c, m * i + r) = w;
-        }
-      }
-    }
-    const double missing = missing_compliance(problem, K_inv_diag, rows.row[j], panel, m);
-    for (int c = 0; c < m; ++c) W(m * j + c, m * j + c) += missing;
-  }
+  if (rows.rows_per_contact == 1)
+    assemble<1>(problem, K_inv_diag, rows);
+  else
+    assemble<3>(problem, K_inv_diag, rows);
 }
 
 }  // namespace hapticd

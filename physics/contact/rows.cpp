@@ -5,6 +5,7 @@
 
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/delassus.h"
+#include "physics/contact/placed_instrument.h"
 
 namespace hapticd {
 namespace {
@@ -16,25 +17,49 @@ bool same_face(const PatchSample& a, const PatchSample& b) noexcept {
   return a.node == b.node && (a.node[0] >= 0 || a.id >> index_bits == b.id >> index_bits);
 }
 
-// Samples that become rows, by sample index (which is by id). Returns how many, and counts the overlapping
-// ones that did not fit.
-int select(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
-           const PatchPositions& x, double margin, std::array<ContactCandidate, max_patch_samples>& candidate,
-           int& dropped) noexcept {
+// False only where no point of the sample's triangle is within reach; a fixed obstacle's are not known.
+bool face_near(const PatchSample& s, const PlacedInstrument& instrument, const PatchPositions& x,
+               double reach) noexcept {
+  if (s.node[0] < 0) return true;
+  const Vec3 &a = x[s.node[0]], &b = x[s.node[1]], &c = x[s.node[2]];
+  const Vec3 centre = (a + b + c) / 3;
+  const double radius = std::sqrt(
+      std::max({(a - centre).squaredNorm(), (b - centre).squaredNorm(), (c - centre).squaredNorm()}));
+  return instrument.near(centre, reach + radius);
+}
+
+// Samples that become rows, by sample index (which is by id), each row with sample, gap and, in its frame's
+// first column, normal. Counts the overlapping ones that did not fit.
+void select(const CondensedProblem& problem, const PlacedInstrument& instrument, const PatchPositions& x,
+            double margin, ContactRows& rows) noexcept {
+  std::array<ContactCandidate, max_patch_samples> candidate;
+  const auto take = [&rows](int i, int sample, const Gap& gap) {
+    rows.row[i].sample = sample;
+    rows.row[i].gap = gap.distance;
+    rows.row[i].frame.col(0) = gap.normal;
+  };
   int count = 0;
   std::uint32_t face = 0;
+  bool near = true;
   for (int k = 0; k < problem.samples; ++k) {
-    if (k > 0 && !same_face(problem.sample[k - 1], problem.sample[k])) ++face;
-    const Gap gap = gap_at(instrument, X, sample_position(problem, x, k));
-    if (gap.distance < margin && gap.normal.dot(problem.sample[k].outward) < facing_away)
-      candidate[count++] = {gap.distance, k, face};
+    const PatchSample& sample = problem.sample[k];
+    const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
+    if (next) ++face;
+    if (next || k == 0) near = face_near(sample, instrument, x, margin);
+    if (!near) continue;
+    const Vec3 s = sample_position(problem, x, k);
+    if (!instrument.near(s, margin)) continue;
+    const Gap gap = instrument.gap(s);
+    if (!(gap.distance < margin && gap.normal.dot(sample.outward) < facing_away)) continue;
+    if (count < max_contacts) take(count, k, gap);
+    candidate[count++] = {gap.distance, k, face};
   }
-  dropped = 0;
-  if (count > max_contacts) {
-    dropped = select_contacts({candidate.data(), static_cast<std::size_t>(count)}, max_contacts);
-    count = max_contacts;
-  }
-  return count;
+  rows.contacts = std::min(count, max_contacts);
+  rows.dropped = 0;
+  if (count <= max_contacts) return;
+  rows.dropped = select_contacts({candidate.data(), static_cast<std::size_t>(count)}, max_contacts);
+  for (int i = 0; i < max_contacts; ++i)
+    take(i, candidate[i].sample, instrument.gap(sample_position(problem, x, candidate[i].sample)));
 }
 
 // J d of one contact, in its frame: minus the displacement of the instrument's point at the contact.
@@ -68,29 +93,26 @@ Mat3 contact_frame(const Vec3& n) noexcept {
 void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
                 const ContactMemory& memory, double margin, ContactRows& rows) noexcept {
-  std::array<ContactCandidate, max_patch_samples> candidate;
-  rows.contacts = select(problem, instrument, X_lin, x_lin, margin, candidate, rows.dropped);
+  select(problem, PlacedInstrument(instrument, X_lin), x_lin, margin, rows);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i)
-    if (problem.sample[candidate[i].sample].friction > 0) rows.rows_per_contact = 3;
+    if (problem.sample[rows.row[i].sample].friction > 0) rows.rows_per_contact = 3;
 
   const Vec6 shift = difference(X_free, X_lin);
   for (int i = 0; i < rows.contacts; ++i) {
-    const int k = candidate[i].sample;
+    ContactRow& row = rows.row[i];
+    const int k = row.sample;
     const Vec3 s = sample_position(problem, x_lin, k);
     const Vec3 s_free = sample_position(problem, problem.x_free, k);
-    const Gap gap = gap_at(instrument, X_lin, s);
-    ContactRow& row = rows.row[i];
-    row.sample = k;
+    const Vec3 normal = row.frame.col(0);
     row.id = problem.sample[k].id;
-    row.frame = contact_frame(gap.normal);
+    row.frame = contact_frame(normal);
     row.arm = s - X_lin.p;
-    row.gap = gap.distance;
     row.friction = problem.sample[k].friction;
     const ContactMemory::Entry* known = memory.find(row.id);
     row.anchor = known ? known->anchor : X_lin.to_local(s);
     row.delta_free = row.frame.transpose() * (s_free - X_lin.to_world(row.anchor));
-    row.delta_free[0] = gap.distance + gap.normal.dot(s_free - s);
+    row.delta_free[0] = row.gap + normal.dot(s_free - s);
     row.delta_free += coupled(row, shift);
     if (rows.rows_per_contact == 1) row.delta_free.tail<2>().setZero();
     set_q(rows, i, row.delta_free);

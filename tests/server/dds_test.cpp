@@ -226,7 +226,26 @@ TEST_F(Dds, FirstWriterLeavingAmongOthersIsSeenThoughTheInstanceStaysAlive) {
   EXPECT_TRUE(seen.new_client);
 }
 
-TEST_F(Dds, SilentClientLosesTheDeviceAfter100ms) {
+// Its dispose stands on the instance until the client's next state, when it may be matched no more.
+TEST_F(Dds, AStrangersDisposeAsItLeavesTakesNothingFromTheClient) {
+  Client client(domain);
+  auto stranger = std::make_unique<Client>(domain);
+  connect(client);
+  connect(*stranger);
+  client.send();
+  ASSERT_TRUE(take());
+  client.send();
+  ASSERT_EQ(stranger->writer.dispose(stranger->state), DDS_RETCODE_OK);
+  stranger.reset();
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  ASSERT_TRUE(take());
+  EXPECT_TRUE(port.presence().connected);
+  client.send();
+  ASSERT_TRUE(take());
+  EXPECT_FALSE(seen.new_client);
+}
+
+TEST_F(Dds, SilentClientLosesTheDeviceAfter500ms) {
   Client first(domain), second(domain);
   connect(first);
   connect(second);
@@ -238,9 +257,9 @@ TEST_F(Dds, SilentClientLosesTheDeviceAfter100ms) {
     EXPECT_FALSE(port.take(heard + 50 * ms, sample));
     return port.presence().conflict;
   }));
-  std::this_thread::sleep_for(std::chrono::milliseconds(120));  // strangers are refused as they arrive
+  std::this_thread::sleep_for(std::chrono::milliseconds(520));  // strangers are refused as they arrive
   second.send();
-  ASSERT_TRUE(within_two_seconds([&] { return port.take(heard + 200 * ms, sample); }));
+  ASSERT_TRUE(within_two_seconds([&] { return port.take(heard + 600 * ms, sample); }));
   EXPECT_TRUE(port.presence().new_client);
   EXPECT_EQ(sample.sequence, 2u);
 }

@@ -76,12 +76,19 @@ TEST_F(DaemonProcess, AKilledClientsForceEndsAndANewClientArmsAgain) {
     ChildProcess client(client_command());
     ASSERT_TRUE(await_force(15'000 * ms, [](const auto& f) { return f.status == 0 && magnitude(f) > 0.02; }))
         << "life " << life << ": never in contact";
-    const std::int64_t killed = monotonic_ns();
     client.signal(SIGKILL);
-    ASSERT_TRUE(await_force(1000 * ms, [](const auto& f) { return magnitude(f) == 0; }));
-    // 10 ms until the ramp, 5 ms of ramp; the rest is the machine's lateness.
-    EXPECT_LT(monotonic_ns() - killed, 100 * ms);
-    ASSERT_TRUE(await_force(1000 * ms, [](const auto& f) { return (f.status & status_disarmed) != 0; }));
+    // Five ticks of ramp from a state of 10 ms on, however late the machine makes them.
+    std::uint64_t ramps = 0, ends = 0;
+    ASSERT_TRUE(await_force(15'000 * ms, [&](const auto& f) {
+      if (f.state_age_us < 10'000)
+        ramps = 0;
+      else if (ramps == 0)
+        ramps = f.number;
+      ends = f.number;
+      return magnitude(f) == 0;
+    }));
+    EXPECT_TRUE(ramps == 0 || ends - ramps <= 6) << ends - ramps;
+    ASSERT_TRUE(await_force(15'000 * ms, [](const auto& f) { return (f.status & status_disarmed) != 0; }));
     bool stays_zero = true;
     await_force(200 * ms, [&](const auto& f) { return !(stays_zero = stays_zero && magnitude(f) == 0); });
     EXPECT_TRUE(stays_zero);
@@ -94,7 +101,7 @@ TEST_F(DaemonProcess, SigtermEndsItCleanlyWithinASecondEvenInContact) {
   ASSERT_TRUE(await_force(15'000 * ms, [](const auto& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   const std::int64_t asked = monotonic_ns();
   daemon.signal(SIGTERM);
-  EXPECT_EQ(daemon.wait(3000), 0);
+  EXPECT_EQ(daemon.wait(15'000), 0);
   EXPECT_LT(monotonic_ns() - asked, 1000 * ms);
 }
 

