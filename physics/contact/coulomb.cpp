@@ -12,6 +12,7 @@ namespace {
 constexpr int longest_run_of_sweeps = 32;
 constexpr int sweeps_between_checks = 4;
 constexpr int most_halvings = 5;
+constexpr int sweeps_of_polish = 2;   // and of the first run, whose time they are judged by
 constexpr double good_chord = 0.1;    // of the merit left: the LU is good for another step
 constexpr int dear_steps = 8;         // LUs that the later stages are not begun without time for
 constexpr double hyperstatic = 1e-5;  // ratio of LU pivots below which freedoms are missing
@@ -88,19 +89,21 @@ class CoulombSolve {
     if (ws_.raised > 0) --ws_.raised;
     alternate();
     // What all of that has left unsolved is ill-posed as it stands; once more, on a softer problem.
-    if (!done() && !options_.deadline.passed()) {
+    if (!done() && !hurried_ && !options_.deadline.passed()) {
       raise(std::max(options_.raised_diagonal, 10 * s_.epsilon));
       most_sweeps_ += options_.max_sweeps;
       most_newton_ += options_.max_newton;
       alternate();
     }
+    if (!done()) polish();
+    const double* answer = done() ? ws_.best.data() : ws_.swept.data();
     for (int i = 0; i < s_.contacts; ++i)
-      lambda_.segment<3>(3 * i) = feasible(Eigen::Map<const Vec3>(ws_.best.data() + 3 * i), s_.mu[i]);
+      lambda_.segment<3>(3 * i) = feasible(Eigen::Map<const Vec3>(answer + 3 * i), s_.mu[i]);
     result_.relative_diagonal = s_.epsilon;
     if (done()) return;
-    s_.compute_delta(lambda_.data(), ws_.delta.data());
-    result_.residual = natural_map(ws_.delta.data(), lambda_.data(), s_.q, s_.rho, s_.mu);
-    result_.status = options_.deadline.passed() ? SolveStatus::deadline : SolveStatus::iteration_cap;
+    result_.residual = swept_residual_;
+    result_.status =
+        options_.deadline.passed() || hurried_ ? SolveStatus::deadline : SolveStatus::iteration_cap;
   }
 
  private:
@@ -115,11 +118,21 @@ class CoulombSolve {
       sweeps(length);
       for (const Stage& stage : stages) {
         if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
+        if (open() && !affords(dear_steps)) hurried_ = true;
         if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
             ws_.factor.pivot_ratio < hyperstatic)
           raise(options_.raised_diagonal);
       }
     }
+  }
+
+  // A raw step that is cut off at the cones has a wrong sum of forces, of whatever size its residual is; a
+  // sweep keeps the sum, and is in the cones.
+  void polish() noexcept {
+    if (rough_) sweeps(sweeps_of_polish);
+    while (!done() && result_.sweeps < most_sweeps_ && options_.deadline.bounded() &&
+           options_.deadline.left() > polish_ns_)
+      sweeps(sweeps_of_polish);
   }
 
   void raise(double epsilon) noexcept {
@@ -129,16 +142,16 @@ class CoulombSolve {
   }
 
   bool open() const noexcept {
-    return !done() && result_.sweeps < most_sweeps_ && !options_.deadline.passed();
+    return !done() && !hurried_ && result_.sweeps < most_sweeps_ && !options_.deadline.passed();
   }
 
   // From now on with this relative diagonal: another problem, with a best of its own.
   void begin(double epsilon) noexcept {
     s_.epsilon = epsilon;
     std::fill_n(ws_.prepared.begin(), s_.contacts, std::uint8_t{0});
-    result_.residual = std::numeric_limits<double>::infinity();
+    result_.residual = swept_residual_ = std::numeric_limits<double>::infinity();
     s_.compute_delta(lambda_.data(), ws_.delta.data());
-    judge();
+    judge(true);
   }
 
   bool done() const noexcept { return !(result_.residual > options_.tolerance); }
@@ -149,15 +162,21 @@ class CoulombSolve {
     return !options_.deadline.bounded() || ns < static_cast<double>(options_.deadline.left());
   }
 
-  // λ at ws.delta = δ(λ): kept if it is the best so far.
-  void judge() noexcept {
+  // λ at ws.delta = δ(λ): kept if it is the best so far, of all or of those that a sweep has left.
+  void judge(bool swept) noexcept {
     const double residual = natural_map(ws_.delta.data(), lambda_.data(), s_.q, s_.rho, s_.mu);
+    rough_ = !swept;
+    if (swept && residual < swept_residual_) {
+      swept_residual_ = residual;
+      std::copy_n(lambda_.data(), rows_, ws_.swept.data());
+    }
     if (!(residual < result_.residual)) return;
     result_.residual = residual;
     std::copy_n(lambda_.data(), rows_, ws_.best.data());
   }
 
   void sweeps(int length) noexcept {
+    const std::int64_t left = options_.deadline.left();
     for (int k = 1; k <= length && result_.sweeps < most_sweeps_; ++k) {
       sweep();
       ++result_.sweeps;
@@ -165,9 +184,10 @@ class CoulombSolve {
       if (k != length && k % sweeps_between_checks != 0 && !late) continue;
       // Rounding of the many updates must not add up.
       s_.compute_delta(lambda_.data(), ws_.delta.data());
-      judge();
+      judge(true);
       if (done() || late) break;
     }
+    if (length == sweeps_of_polish) polish_ns_ = left - options_.deadline.left();
   }
 
   // One pass over the contacts; ws.delta follows λ.
@@ -200,41 +220,48 @@ class CoulombSolve {
       std::copy_n(to, rows_, lambda_.data());
       s_.compute_delta(lambda_.data(), ws_.delta.data());
     };
+    const auto take_trial = [&] {
+      std::copy_n(ws_.trial.data(), rows_, lambda_.data());
+      std::copy_n(ws_.trial_delta.data(), rows_, ws_.delta.data());
+      merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
+      fresh = merit >= goal;
+      unasked = fresh ? unasked - 1 : 0;
+      judge(false);
+    };
+    Deadline deadline = options_.deadline;
+    deadline.reserve_ns += 2 * polish_ns_;
     while (!done() && result_.newton < most_newton_) {
       ++result_.newton;
       std::copy_n(lambda_.data(), rows_, ws_.start.data());
       std::copy_n(ws_.delta.data(), rows_, ws_.start_delta.data());
-      const NewtonStep step =
-          newton_step(s_, lambda_.data(), stage.shift, stage.raw, fresh, options_.deadline, ws_);
+      const NewtonStep step = newton_step(s_, lambda_.data(), stage.shift, stage.raw, fresh, deadline, ws_);
       result_.factorisations += step.factorisations;
       const bool stepped = step.outcome == NewtonOutcome::stepped;
       if (stepped) s_.compute_delta(ws_.trial.data(), ws_.trial_delta.data());
       double after = merit;
       if (stepped && unasked > 0) {
-        std::copy_n(ws_.trial.data(), rows_, lambda_.data());
-        std::copy_n(ws_.trial_delta.data(), rows_, ws_.delta.data());
-        merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
-        fresh = merit >= goal;
-        unasked = fresh ? unasked - 1 : 0;
-        judge();
+        take_trial();
       } else if (stepped && (after = search(merit)) < merit) {
         fresh = stage.shift > 0 || after > good_chord * merit;
         merit = after;
-        judge();
+        judge(false);
       } else {
         put_back(ws_.start.data());
-        if (step.outcome == NewtonOutcome::no_time || options_.deadline.passed()) break;
-        if (step.factorisations > 0 && (roaming || !stepped || !affords(dear_steps))) break;
+        if (step.outcome == NewtonOutcome::no_time || deadline.passed()) break;
+        if (step.factorisations > 0 && (roaming || !stepped)) break;
         if (step.factorisations > 0) {
           roaming = true;
           unasked = stage.unasked;
           goal = good_chord * merit;
           std::copy_n(lambda_.data(), rows_, ws_.turning_point.data());
+          if (unasked > 0) take_trial();
+        } else {
+          fresh = true;
         }
-        fresh = true;
       }
     }
-    if (roaming && !done() && merit >= goal) put_back(ws_.turning_point.data());
+    // Where time ends this, the last step's force is better than what its merit says.
+    if (roaming && !done() && merit >= goal && affords(dear_steps)) put_back(ws_.turning_point.data());
   }
 
   // From the start towards ws.trial, halving; leaves λ and δ there. The merit reached, or the old one.
@@ -259,6 +286,10 @@ class CoulombSolve {
   int rows_;
   int most_sweeps_;
   int most_newton_;
+  double swept_residual_ = 0;
+  bool rough_ = false;    // λ is a raw step
+  bool hurried_ = false;  // no time for another stage
+  std::int64_t polish_ns_ = 0;
 };
 
 }  // namespace

@@ -18,16 +18,19 @@
 // Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where a Newton
 // stalls on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
 // the result says so; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more
-// round with the budgets again. An open contact costs one comparison in a sweep. Deadline: looked at after every
-// sweep and before every LU, whose cost is predicted from the last ones. δ_t is the slip over the solve's period
-// (m), W [m/N], λ [N]; rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others.
-// Existence: for every SPD W and q with W positive definite a solution of the local problem exists;
-// for the whole, where some motion opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not
-// where a motion jams (Painlevé). Uniqueness is not claimed for large μ.
-// Residual: natural map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ / scale, de Saxcé's correction.
-// Errors: a status. `iteration_cap`, `deadline`: λ is the best iterate by residual; `not_finite`: λ is zero.
-// Guarantee: no allocation, wait-free, bounded by 2 max_sweeps × contacts² and 2 max_newton × contacts × rows³;
-// with a deadline late by at most a sweep and a product of W.
+// round with the budgets again. An open contact costs one comparison in a sweep. Deadline: looked at after
+// every sweep and before every LU, whose cost is predicted from the last ones. Newton ends in time for two
+// sweeps from wherever its steps are, also those taken without asking: sums of forces, and so wrenches, are
+// right after one or two steps, long before the residual falls, and a sweep keeps them, where cutting a raw
+// step off at the cones may change them by 1 %. δ_t is the slip over the solve's period (m), W [m/N], λ [N];
+// rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others. Existence: for every SPD
+// W and q with W positive definite a solution of the local problem exists; for the whole, where some motion
+// opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not where a motion jams (Painlevé).
+// Uniqueness is not claimed for large μ. Residual: natural map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ /
+// scale, de Saxcé's correction. Errors: a status. `iteration_cap`, `deadline`: λ is, by residual, the best
+// that a sweep has left; `not_finite`: λ is zero. Guarantee: no allocation, wait-free, bounded by 2
+// max_sweeps × contacts² and 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a
+// product of W.
 #pragma once
 
 #include <span>
@@ -114,6 +117,7 @@ struct CoulombWorkspace {
   std::array<ContactMode, max_contacts> mode;
   std::array<double, max_rows> delta;
   std::array<double, max_rows> best;
+  std::array<double, max_rows> swept;  // the best that a sweep has left
   std::array<double, max_rows> start;
   std::array<double, max_rows> turning_point;
   std::array<double, max_rows> start_delta;

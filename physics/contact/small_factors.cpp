@@ -9,7 +9,8 @@
 namespace hapticd {
 namespace {
 
-constexpr int block = 16;
+constexpr int block = 16, strip = 4;   // columns
+constexpr double keep_diagonal = 0.1;  // of the largest below it: then it is the pivot, and no row moves
 
 using Lanes = double __attribute__((vector_size(32), aligned(8), may_alias));
 
@@ -45,8 +46,12 @@ inline void tile(double* C, const double* A, const Right& B, int ld, int depth) 
 template <int N>
 inline void tile_columns(double* C, const double* A, const Right& B, int ld, int rows, int depth) noexcept {
   int i = 0;
-  for (; i + 8 <= rows; i += 8) tile<2, N>(C + i, A + i, B, ld, depth);
-  for (; i < rows; i += 4) tile<1, N>(C + i, A + i, B, ld, depth);
+  for (; i + 12 <= rows; i += 12) tile<3, N>(C + i, A + i, B, ld, depth);
+  if (rows - i == 8) {
+    tile<2, N>(C + i, A + i, B, ld, depth);
+  } else if (rows - i == 4) {
+    tile<1, N>(C + i, A + i, B, ld, depth);
+  }
 }
 
 // C −= A B; rows a multiple of 4, C and A with leading dimension ld.
@@ -59,29 +64,84 @@ void subtract_product(double* C, const double* A, const Right& B, int ld, int ro
     tile_columns<1>(at(C, ld, 0, j), A, {B.data + j * B.by_j, B.by_k, B.by_j}, ld, rows, depth);
 }
 
-// Columns [begin, end) of rows [begin, n) by rank-one updates, exchanging whole rows of these columns.
-bool factor_panel(double* A, int n, int ld, int begin, int end, int* pivot) noexcept {
-  for (int j = begin; j < end; ++j) {
-    double* cj = at(A, ld, 0, j);
-    int p = j;
-    double largest = std::abs(cj[j]);
-    for (int i = j + 1; i < n; ++i)
-      if (std::abs(cj[i]) > largest) {
-        largest = std::abs(cj[i]);
-        p = i;
-      }
-    pivot[j] = p;
-    if (!(largest > 0) || !std::isfinite(cj[p])) return false;
-    if (p != j)
-      for (int k = begin; k < end; ++k) std::swap(*at(A, ld, j, k), *at(A, ld, p, k));
-    const double inverse = 1 / cj[j];
-    for (int i = j + 1; i < n; ++i) cj[i] *= inverse;
-    for (int k = j + 1; k < end; ++k) {
-      double* ck = at(A, ld, 0, k);
-      const double f = ck[j];
-      if (f == 0) continue;
-      for (int i = j + 1; i < n; ++i) ck[i] -= f * cj[i];
+// The row of the largest |c_i|, begin ≤ i < end; begin where one is not a number.
+int largest_entry(const double* c, int begin, int end) noexcept {
+  Lanes most{}, of{};
+  const Lanes four{4, 4, 4, 4};
+  Lanes row{0, 1, 2, 3};
+  int i = begin;
+  for (; i + 4 <= end; i += 4, row += four) {
+    Lanes v = *reinterpret_cast<const Lanes*>(c + i);
+    v = v < 0 ? -v : v;
+    const auto more = v > most;
+    most = more ? v : most;
+    of = more ? row : of;
+  }
+  int best = begin;
+  double largest = std::abs(c[begin]);
+  for (int k = 0; k < 4; ++k)
+    if (most[k] > largest) {
+      largest = most[k];
+      best = begin + static_cast<int>(of[k]);
     }
+  for (; i < end; ++i)
+    if (std::abs(c[i]) > largest) {
+      largest = std::abs(c[i]);
+      best = i;
+    }
+  return best;
+}
+
+// L⁻¹ x for the unit lower triangle of `width` columns at L, into one column or N of them at once.
+template <int N>
+inline void substitute(const double* L, int width, double* x, int ld) noexcept {
+  for (int j = 0; j < width; ++j) {
+    double f[N];
+    for (int c = 0; c < N; ++c) f[c] = *at(x, ld, j, c);
+    const double* l = at(L, ld, 0, j);
+    for (int i = j + 1; i < width; ++i)
+      for (int c = 0; c < N; ++c) *at(x, ld, i, c) -= f[c] * l[i];
+  }
+}
+
+// Strip by strip: L⁻¹ X for the unit lower triangle of `width` columns at L.
+void substitute(const double* L, int width, double* X, int ld, int columns) noexcept {
+  for (int s = 0; s < width; s += strip) {
+    const int deep = std::min(strip, width - s);
+    const double* triangle = at(L, ld, s, s);
+    double* x = X + s;
+    int k = 0;
+    for (; k + 4 <= columns; k += 4) substitute<4>(triangle, deep, at(x, ld, 0, k), ld);
+    for (; k < columns; ++k) substitute<1>(triangle, deep, at(x, ld, 0, k), ld);
+    if (s + deep < width)
+      subtract_product(x + deep, triangle + deep, {x, 1, ld}, ld, padded(width) - s - deep, columns, deep);
+  }
+}
+
+// Columns [begin, end) of rows [begin, n), strip by strip, exchanging whole rows of these columns.
+bool factor_panel(double* A, int n, int ld, int begin, int end, int* pivot) noexcept {
+  for (int first = begin; first < end; first += strip) {
+    const int last = std::min(end, first + strip);
+    for (int j = first; j < last; ++j) {
+      double* cj = at(A, ld, 0, j);
+      int p = largest_entry(cj, j, n);
+      if (!(std::abs(cj[p]) > 0) || !std::isfinite(cj[p])) return false;
+      if (std::abs(cj[j]) >= keep_diagonal * std::abs(cj[p])) p = j;
+      pivot[j] = p;
+      if (p != j)
+        for (int k = begin; k < end; ++k) std::swap(*at(A, ld, j, k), *at(A, ld, p, k));
+      const double inverse = 1 / cj[j];
+      for (int i = j + 1; i < n; ++i) cj[i] *= inverse;
+      for (int k = j + 1; k < last; ++k) {
+        double* ck = at(A, ld, 0, k);
+        const double f = ck[j];
+        for (int i = j + 1; i < n; ++i) ck[i] -= f * cj[i];
+      }
+    }
+    if (last == end) break;
+    substitute(at(A, ld, first, first), last - first, at(A, ld, first, last), ld, end - last);
+    subtract_product(at(A, ld, last, last), at(A, ld, last, first), {at(A, ld, first, last), 1, ld}, ld,
+                     ld - last, end - last, last - first);
   }
   return true;
 }
@@ -97,18 +157,24 @@ void cholesky(double* A, int n, double floor) noexcept {
     if (begin > 0)
       subtract_product(at(A, ld, begin, begin), at(A, ld, begin, 0), {at(A, ld, begin, 0), ld, 1}, ld,
                        ld - begin, end - begin, begin);
-    for (int j = begin; j < end; ++j) {
-      double* cj = at(A, ld, 0, j);
-      for (int k = begin; k < j; ++k) {
-        const double* ck = at(A, ld, 0, k);
-        const double f = ck[j];
-        for (int i = j; i < n; ++i) cj[i] -= f * ck[i];
+    for (int first = begin; first < end; first += strip) {
+      const int last = std::min(end, first + strip);
+      if (first > begin)
+        subtract_product(at(A, ld, first, first), at(A, ld, first, begin), {at(A, ld, first, begin), ld, 1},
+                         ld, ld - first, last - first, first - begin);
+      for (int j = first; j < last; ++j) {
+        double* cj = at(A, ld, 0, j);
+        for (int k = first; k < j; ++k) {
+          const double* ck = at(A, ld, 0, k);
+          const double f = ck[j];
+          for (int i = j; i < n; ++i) cj[i] -= f * ck[i];
+        }
+        const double least = floor * diagonal[j - begin];
+        if (!(cj[j] > least)) cj[j] = least;
+        const double root = std::sqrt(cj[j]), inverse = 1 / root;
+        cj[j] = root;
+        for (int i = j + 1; i < n; ++i) cj[i] *= inverse;
       }
-      const double least = floor * diagonal[j - begin];
-      if (!(cj[j] > least)) cj[j] = least;
-      const double root = std::sqrt(cj[j]), inverse = 1 / root;
-      cj[j] = root;
-      for (int i = j + 1; i < n; ++i) cj[i] *= inverse;
     }
   }
 }
@@ -136,32 +202,27 @@ bool lu_factor(double* A, int n, int* pivot) noexcept {
   for (int begin = 0; begin < n; begin += block) {
     const int end = std::min(n, begin + block);
     if (!factor_panel(A, n, ld, begin, end, pivot)) return false;
-    for (int k = 0; k < n; ++k) {
-      if (k == begin) k = end;
-      if (k >= n) break;
-      double* ck = at(A, ld, 0, k);
-      for (int j = begin; j < end; ++j) std::swap(ck[j], ck[pivot[j]]);
-      if (k < end) continue;
-      for (int j = begin; j < end; ++j) {
-        const double f = ck[j];
-        const double* cj = at(A, ld, 0, j);
-        for (int i = j + 1; i < end; ++i) ck[i] -= f * cj[i];
-      }
-    }
-    if (end < n)
-      subtract_product(at(A, ld, end, end), at(A, ld, end, begin), {at(A, ld, begin, end), 1, ld}, ld,
-                       ld - end, n - end, end - begin);
+    if (end == n) break;
+    for (int j = begin; j < end; ++j)
+      if (pivot[j] != j)
+        for (int k = end; k < n; ++k) std::swap(*at(A, ld, j, k), *at(A, ld, pivot[j], k));
+    substitute(at(A, ld, begin, begin), end - begin, at(A, ld, begin, end), ld, n - end);
+    subtract_product(at(A, ld, end, end), at(A, ld, end, begin), {at(A, ld, begin, end), 1, ld}, ld, ld - end,
+                     n - end, end - begin);
   }
   return true;
 }
 
 void lu_solve(const double* LU, int n, const int* pivot, double* b) noexcept {
   const int ld = padded(n);
-  for (int j = 0; j < n; ++j) std::swap(b[j], b[pivot[j]]);
-  for (int j = 0; j < n; ++j) {
-    const double* c = at(LU, ld, 0, j);
-    const double x = b[j];
-    for (int i = j + 1; i < n; ++i) b[i] -= c[i] * x;
+  for (int begin = 0; begin < n; begin += block) {
+    const int end = std::min(n, begin + block);
+    for (int j = begin; j < end; ++j) std::swap(b[j], b[pivot[j]]);
+    for (int j = begin; j < end; ++j) {
+      const double* c = at(LU, ld, 0, j);
+      const double x = b[j];
+      for (int i = j + 1; i < n; ++i) b[i] -= c[i] * x;
+    }
   }
   for (int j = n - 1; j >= 0; --j) {
     const double* c = at(LU, ld, 0, j);
