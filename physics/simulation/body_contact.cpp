@@ -19,7 +19,8 @@ constexpr double missed = 1e-6;       // overlap that makes a node join [m]
 constexpr double same_contact = 0.9;  // cosine of normals that may hand λ on
 constexpr double inside_the_cone = 1 - 1e-6;  // ‖λ_t‖ / (μ λ_n) below which a contact sticks
 constexpr double relative_diagonal = 1e-9;
-constexpr int sweeps = 2000;  // no deadline of a millisecond here
+constexpr double closed_gap = 1e-12;  // overlap that makes a contact part of the solve [m]
+constexpr int sweeps = 2000;          // no deadline of a millisecond here
 
 bool moves(const Body& body) { return body.deformable && !body.asleep; }
 
@@ -304,17 +305,49 @@ Mat3 BodyContacts::between(std::span<const Lever> a, std::span<const Lever> b) c
   return G;
 }
 
-void BodyContacts::assemble() {
+// The rows to begin with: those that carried force; where none did, those that the free motion closes.
+void BodyContacts::choose_working() {
   solved_ = rows_;
-  const int n = static_cast<int>(solved_.size()), m = rows_per_contact_;
+  working_.clear();
+  works_.assign(solved_.size(), -1);
+  const bool known =
+      std::any_of(solved_.begin(), solved_.end(), [](const auto& c) { return c.lambda[0] > 0; });
+  for (int i = 0; i < static_cast<int>(solved_.size()); ++i)
+    if (known ? solved_[i].lambda[0] > 0 : solved_[i].delta_free[0] < 0) {
+      works_[i] = static_cast<int>(working_.size());
+      working_.push_back(i);
+    }
+}
+
+// Others that the forces found would close; true if there are any.
+bool BodyContacts::grow_working() {
+  std::vector<VecX> moved(domains_.size());
+  for (std::size_t b = 0; b < domains_.size(); ++b)
+    if (domains_[b].mobile) moved[b] = displacement(domains_[b]);
+  const std::size_t before = working_.size();
+  for (int i = 0; i < static_cast<int>(solved_.size()); ++i) {
+    if (works_[i] >= 0) continue;
+    double gap = solved_[i].delta_free[0];
+    for (const Lever& l : solved_[i].lever)
+      if (l.place >= 0) gap += l.weight * solved_[i].frame.col(0).dot(moved[l.body].segment<3>(3 * l.place));
+    if (gap >= -closed_gap) continue;
+    works_[i] = static_cast<int>(working_.size());
+    working_.push_back(i);
+  }
+  return working_.size() > before;
+}
+
+void BodyContacts::assemble() {
+  const int n = static_cast<int>(working_.size()), m = rows_per_contact_;
   W_.resize(m * n, m * n);
   for (int j = 0; j < n; ++j)
     for (int i = 0; i <= j; ++i) {
-      const Mat3 G = between(solved_[i].lever, solved_[j].lever);
+      const BodyContact &a = solved_[working_[i]], &b = solved_[working_[j]];
+      const Mat3 G = between(a.lever, b.lever);
       if (m == 1) {
-        W_(i, j) = W_(j, i) = solved_[i].frame.col(0).dot(G * solved_[j].frame.col(0));
+        W_(i, j) = W_(j, i) = a.frame.col(0).dot(G * b.frame.col(0));
       } else {
-        const Mat3 block = solved_[i].frame.transpose() * G * solved_[j].frame;
+        const Mat3 block = a.frame.transpose() * G * b.frame;
         W_.block<3, 3>(3 * j, 3 * i) = block.transpose();
         W_.block<3, 3>(3 * i, 3 * j) = block;
       }
@@ -356,7 +389,7 @@ void BodyContacts::take(const VecX& lambda, int m) {
   for (std::size_t i = 0; i < solved_.size(); ++i) {
     BodyContact& c = solved_[i];
     c.lambda.setZero();
-    c.lambda.head(m) = lambda.segment(m * static_cast<Eigen::Index>(i), m);
+    if (works_[i] >= 0) c.lambda.head(m) = lambda.segment(m * static_cast<Eigen::Index>(works_[i]), m);
     if (!(c.lambda[0] > 0)) continue;
     ++report_.active;
     report_.sliding +=
@@ -376,73 +409,109 @@ void BodyContacts::set_tool(const VecX& tool_force) {
   }
 }
 
+// C f for a force on few of the nodes.
+VecX BodyContacts::displacement(const Domain& d) {
+  VecX moved = VecX::Zero(d.force.size());
+  for (Eigen::Index k = 0; k < d.force.size(); k += 3) {
+    const Vec3 f = d.tool.segment<3>(k) + d.force.segment<3>(k);
+    if (!f.isZero(0)) moved.noalias() += d.C.middleCols<3>(k) * f;
+  }
+  return moved;
+}
+
 void BodyContacts::move() {
   for (Domain& d : domains_) {
     if (!d.mobile) continue;
-    const VecX moved = d.C * (d.tool + d.force);
+    const VecX moved = displacement(d);
     for (std::size_t k = 0; k < d.nodes.size(); ++k)
       d.linear[k] += relax_ * (d.free[k] + moved.segment<3>(3 * static_cast<Eigen::Index>(k)) - d.linear[k]);
   }
 }
 
 void BodyContacts::solve(const VecX& tool_force) {
-  assemble();
+  choose_working();
   set_tool(tool_force);
+  for (Domain& d : domains_) d.force.setZero();
   std::vector<VecX> moved(domains_.size());
-  for (std::size_t b = 0; b < domains_.size(); ++b) {
-    const Domain& d = domains_[b];
-    if (!d.mobile) continue;
-    moved[b] = VecX::Zero(d.tool.size());
-    if (!d.tool.isZero(0)) moved[b].noalias() = d.C * d.tool;
-  }
-  const auto n = static_cast<Eigen::Index>(solved_.size());
+  for (std::size_t b = 0; b < domains_.size(); ++b)
+    if (domains_[b].mobile) moved[b] = displacement(domains_[b]);
   const int m = rows_per_contact_;
-  VecX q(m * n), lambda(m * n);
-  std::vector<double> mu;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const BodyContact& c = solved_[i];
-    Vec3 shift = Vec3::Zero();
-    for (const Lever& l : c.lever)
-      if (l.place >= 0) shift += l.weight * moved[l.body].segment<3>(3 * l.place);
-    q.segment(m * i, m) = (c.delta_free + c.frame.transpose() * shift).head(m);
-    lambda.segment(m * i, m) = c.lambda.head(m);
-    mu.push_back(c.friction);
-  }
-  solve_rows(W_, q, mu, lambda, m);
-  take(lambda, m);
+  do {
+    assemble();
+    const auto n = static_cast<Eigen::Index>(working_.size());
+    VecX q(m * n), lambda(m * n);
+    std::vector<double> mu;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const BodyContact& c = solved_[working_[i]];
+      Vec3 shift = Vec3::Zero();
+      for (const Lever& l : c.lever)
+        if (l.place >= 0) shift += l.weight * moved[l.body].segment<3>(3 * l.place);
+      q.segment(m * i, m) = (c.delta_free + c.frame.transpose() * shift).head(m);
+      lambda.segment(m * i, m) = c.lambda.head(m);
+      mu.push_back(c.friction);
+    }
+    solve_rows(W_, q, mu, lambda, m);
+    take(lambda, m);
+  } while (grow_working());
   move();
 }
 
 VecX BodyContacts::solve_with(const CondensedProblem& problem, const ContactRows& tool, VecX& tool_lambda) {
-  assemble();
-  const Eigen::Index nt = tool.contacts, nb = static_cast<Eigen::Index>(solved_.size()), n = nt + nb;
-  const int mt = tool.rows_per_contact, mb = rows_per_contact_, m = std::max(mt, mb);
-  std::vector<std::array<Lever, 3>> lever(nt);
-  for (Eigen::Index i = 0; i < nt; ++i) {
+  choose_working();
+  const int mt = tool.rows_per_contact;
+  std::vector<ToolRow> rows(tool.contacts);
+  std::vector<int> working;
+  bool known = false;
+  for (int i = 0; i < tool.contacts; ++i) known = known || tool_lambda[mt * i] > 0;
+  for (int i = 0; i < tool.contacts; ++i) {
     const PatchSample& s = problem.sample[tool.row[i].sample];
     for (int c = 0; c < 3 && s.node[0] >= 0; ++c) {
       const PatchNode& p = patch_[s.node[c]];
-      lever[i][c] = {p.body, domains_[p.body].place[p.node], s.weight[c]};
+      rows[i].lever[c] = {p.body, domains_[p.body].place[p.node], s.weight[c]};
     }
+    rows[i].works = known ? tool_lambda[mt * i] > 0 : tool.q()[mt * i] < 0;
+    if (rows[i].works) working.push_back(i);
   }
+  VecX force;
+  for (bool more = true; more;) {
+    force = solve_working_with(problem, tool, rows, working, tool_lambda);
+    more = grow_working();
+    for (int i = 0; i < tool.contacts; ++i)
+      if (!rows[i].works && tool_delta_[mt * i] < -closed_gap) {
+        rows[i].works = more = true;
+        working.push_back(i);
+      }
+  }
+  move();
+  return force;
+}
+
+VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const ContactRows& tool,
+                                      std::span<const ToolRow> rows, std::span<const int> working,
+                                      VecX& tool_lambda) {
+  assemble();
+  const auto nt = static_cast<Eigen::Index>(working.size()), nb = static_cast<Eigen::Index>(working_.size());
+  const Eigen::Index n = nt + nb;
+  const int mt = tool.rows_per_contact, mb = rows_per_contact_, m = std::max(mt, mb);
   MatX W = MatX::Zero(m * n, m * n);
   VecX q = VecX::Zero(m * n), lambda = VecX::Zero(m * n);
   std::vector<double> mu(n);
   for (Eigen::Index i = 0; i < nt; ++i) {
-    const ContactRow& row = tool.row[i];
-    q.segment(m * i, mt) = tool.q().segment(mt * i, mt);
-    for (int c = 0; c < mt; ++c) lambda[m * i + c] = tool_lambda[mt * i + c];
+    const ContactRow& row = tool.row[working[i]];
+    q.segment(m * i, mt) = tool.q().segment(mt * working[i], mt);
+    lambda.segment(m * i, mt) = tool_lambda.segment(mt * working[i], mt);
     mu[i] = mt == 3 ? row.friction : 0;
     for (Eigen::Index j = 0; j < nt; ++j)
-      W.block(m * i, m * j, mt, mt) = tool.W().block(mt * i, mt * j, mt, mt);
+      W.block(m * i, m * j, mt, mt) = tool.W().block(mt * working[i], mt * working[j], mt, mt);
     for (Eigen::Index j = 0; j < nb; ++j) {
-      const Mat3 block = row.frame.transpose() * between(lever[i], solved_[j].lever) * solved_[j].frame;
+      const BodyContact& c = solved_[working_[j]];
+      const Mat3 block = row.frame.transpose() * between(rows[working[i]].lever, c.lever) * c.frame;
       W.block(m * i, m * (nt + j), mt, mb) = block.topLeftCorner(mt, mb);
       W.block(m * (nt + j), m * i, mb, mt) = block.topLeftCorner(mt, mb).transpose();
     }
   }
   for (Eigen::Index i = 0; i < nb; ++i) {
-    const BodyContact& c = solved_[i];
+    const BodyContact& c = solved_[working_[i]];
     q.segment(m * (nt + i), mb) = c.delta_free.head(mb);
     lambda.segment(m * (nt + i), mb) = c.lambda.head(mb);
     mu[nt + i] = c.friction;
@@ -452,22 +521,31 @@ VecX BodyContacts::solve_with(const CondensedProblem& problem, const ContactRows
   solve_rows(W, q, mu, lambda, m);
 
   VecX force = VecX::Zero(3 * static_cast<Eigen::Index>(patch_.size()));
+  tool_lambda.setZero();
   for (Eigen::Index i = 0; i < nt; ++i) {
-    const PatchSample& s = problem.sample[tool.row[i].sample];
-    const Vec3 f = tool.row[i].frame.leftCols(mt) * lambda.segment(m * i, mt);
+    const ContactRow& row = tool.row[working[i]];
+    const PatchSample& s = problem.sample[row.sample];
+    tool_lambda.segment(mt * working[i], mt) = lambda.segment(m * i, mt);
+    const Vec3 f = row.frame.leftCols(mt) * lambda.segment(m * i, mt);
     for (int c = 0; c < 3 && s.node[0] >= 0; ++c) force.segment<3>(3 * s.node[c]) += s.weight[c] * f;
   }
-  tool_delta_.resize(mt * nt);
-  const VecX delta = W.topRows(m * nt) * lambda + q.head(m * nt);
-  for (Eigen::Index i = 0; i < nt; ++i) {
-    tool_delta_.segment(mt * i, mt) = delta.segment(m * i, mt);
-    tool_lambda.segment(mt * i, mt) = lambda.segment(m * i, mt);
-  }
-  set_tool(force);
   VecX bodies(mb * nb);
   for (Eigen::Index i = 0; i < nb; ++i) bodies.segment(mb * i, mb) = lambda.segment(m * (nt + i), mb);
   take(bodies, mb);
-  move();
+
+  // δ of all the instrument's rows: W has its own forces' part, the bodies' forces move the rest.
+  for (Domain& d : domains_) d.tool.setZero();
+  std::vector<VecX> moved(domains_.size());
+  for (std::size_t b = 0; b < domains_.size(); ++b)
+    if (domains_[b].mobile) moved[b] = displacement(domains_[b]);
+  tool_delta_ = tool.W() * tool_lambda + tool.q();
+  for (int i = 0; i < tool.contacts; ++i) {
+    Vec3 shift = Vec3::Zero();
+    for (const Lever& l : rows[i].lever)
+      if (l.place >= 0) shift += l.weight * moved[l.body].segment<3>(3 * l.place);
+    tool_delta_.segment(mt * i, mt) += (tool.row[i].frame.transpose() * shift).head(mt);
+  }
+  set_tool(force);
   return force;
 }
 
@@ -529,8 +607,8 @@ void BodyContacts::condense(CondensedProblem& problem) const {
     VecX D(rows);
     for (Eigen::Index r = 0; r < rows; ++r) {
       for (Eigen::Index s = 0; s < rows; ++s)
-        M(r, s) = W_(m * kept[r].first + kept[r].second, m * kept[s].first + kept[s].second);
-      const int first = m * kept[r].first;
+        M(r, s) = W_(m * works_[kept[r].first] + kept[r].second, m * works_[kept[s].first] + kept[s].second);
+      const int first = m * works_[kept[r].first];
       D[r] = m == 1 ? W_(first, first) : W_.block<3, 3>(first, first).trace() / 3;
     }
     Eigen::LLT<MatX> factor;

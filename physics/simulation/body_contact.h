@@ -14,12 +14,15 @@
 // nothing of this is frozen: bodies and instrument are solved as one problem (`solve_with`).
 // Recovery: a node found inside is let out at no more than v = `recovery_speed`, so that deep penetration
 // ends without a burst; `allowed` is 0 for all that were outside.
-// Capacity: max_body_contacts touches. Over it, touches that carried force come first, then the deepest (before
-// the first solve: in free motion); `dropped` counts the others that overlap where the solve has left them.
-// A node on two bodies that both cannot move (rigid, fixed, asleep) has no row.
-// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners.
-// Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status; the best iterate is used.
-// Allocates: for the simulation thread only. Source: as contact/rows.h; the Schur complement is ours.
+// Capacity: max_body_contacts touches. Over it, touches that carried force come first, then the deepest
+// (before the first solve: in free motion); `dropped` counts the others that overlap where the solve has left
+// them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row. Of some two hundred
+// contacts within reach a dozen close. Solved are those that carried force (if none: those that free motion
+// closes); then every other is looked at under the forces found, and those that overlap join, until none does: the
+// same solution, for a small part of the work. Newton's third law holds by construction: λ acts on the node,
+// −w_c λ on the face's corners. Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status;
+// the best iterate is used. Allocates: for the simulation thread only. Source: as contact/rows.h; the Schur
+// complement is ours.
 #pragma once
 
 #include <memory>
@@ -147,6 +150,10 @@ class BodyContacts {
     VecX tool, force;  // [N]
     std::vector<Vec3> start, free, linear;
   };
+  struct ToolRow {
+    std::array<Lever, 3> lever;
+    bool works = false;  // solved; the others are open
+  };
   struct Remembered {
     int pair, node, face;
     Vec3 normal, lambda;  // world
@@ -159,11 +166,16 @@ class BodyContacts {
   Mat3 between(std::span<const Lever> a, std::span<const Lever> b) const;
   void choose(std::vector<BodyContact>& rows);
   void warm_start(std::vector<BodyContact>& rows) const;
+  void choose_working();
+  bool grow_working();
   void assemble();
+  VecX solve_working_with(const CondensedProblem& patch, const ContactRows& tool,
+                          std::span<const ToolRow> rows, std::span<const int> working, VecX& tool_lambda);
   void solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, VecX& lambda,
                   int rows_per_contact);
   void take(const VecX& lambda, int rows_per_contact);
   void set_tool(const VecX& tool_force);
+  static VecX displacement(const Domain& d);
   void move();
   void remember();
 
@@ -181,6 +193,8 @@ class BodyContacts {
   std::vector<Remembered> memory_;
   int rows_per_contact_ = 3;
   double relax_ = 1;
+  std::vector<int> working_;  // contacts of solved_ that W_ holds; the others are open
+  std::vector<int> works_;    // their places there, −1: not
   MatX W_;
   std::unique_ptr<LcpWorkspace> lcp_;
   std::unique_ptr<CoulombWorkspace> coulomb_;

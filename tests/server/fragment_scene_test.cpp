@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <numbers>
 
 #include "server/scene_reader.h"
 #include "server/scene_world.h"
@@ -54,6 +56,30 @@ TEST(FragmentScene, SettlesWithoutJitterAndWithoutPenetration) {
     EXPECT_LE(deepest_capsule, 10e-6);
     EXPECT_EQ(fewest_awake, awake ? 2 : 0);
   }
+}
+
+// The tip goes down on the fragment twice and drags it about: some two hundred contacts within reach.
+TEST(FragmentScene, PressedByTheTipEveryStepIsSolved) {
+  auto problem = std::make_unique<CondensedProblem>();
+  const auto world = fragment_world();
+  for (int i = 0; i < 60; ++i) world->step(nobody, *problem);
+  const Vec3 centre = centre_of(world->bodies()[0]);
+  constexpr int steps = 150;
+  std::vector<double> ms;
+  int most = 0;
+  for (int i = 0; i < steps; ++i) {
+    const double s = 2 * std::numbers::pi * i / steps;
+    const Vec3 p(0.4e-3 * std::sin(3 * s), 0.3e-3 * std::sin(2 * s), 2.5e-3 - 1.1e-3 * (1 - std::cos(2 * s)));
+    const auto begun = std::chrono::steady_clock::now();
+    const StepReport r = world->step([&] { return at(centre + p); }, *problem);
+    ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count());
+    EXPECT_EQ(r.body_contact.status, SolveStatus::solved) << i << ": " << r.body_contact.residual;
+    most = std::max(most, r.body_contact.contacts);
+  }
+  std::sort(ms.begin(), ms.end());
+  std::printf("  to %d contacts: step %.1f ms p50, %.1f p99, %.1f at most\n", most, ms[steps / 2],
+              ms[steps * 99 / 100], ms.back());
+  EXPECT_GT(most, 100);
 }
 
 }  // namespace
