@@ -86,17 +86,12 @@ PingFigures read_ddsperf(const std::string& output) {
 Tally run_cyclictest(double seconds, int core, int priority, const std::string& scratch) {
   const std::string file = scratch + "/cyclictest.txt";
   // Its -D takes whole seconds; loops at 1 kHz are finer.
-  std::vector<std::string> command = {"cyclictest",
-                                      "--quiet",
-                                      "--threads=1",
-                                      "--interval=1000",
-                                      "--affinity=" + std::to_string(core),
-                                      "--loops=" + std::to_string(static_cast<long>(1e3 * seconds)),
-                                      "--histogram=" + std::to_string(histogram_us)};
-  // It ends where these are refused; the daemon goes on without, and so must what it is compared with.
-  if (realtime_allowed())
-    command.insert(command.end(), {"--mlockall", "--policy=fifo", "--priority=" + std::to_string(priority)});
-  Child child({.command = command, .output = file});
+  Child child(
+      {.command = {"cyclictest", "--quiet", "--mlockall", "--threads=1", "--interval=1000", "--policy=fifo",
+                   "--priority=" + std::to_string(priority), "--affinity=" + std::to_string(core),
+                   "--loops=" + std::to_string(static_cast<long>(1e3 * seconds)),
+                   "--histogram=" + std::to_string(histogram_us)},
+       .output = file});
   for (double t = 0; child.running() && t < seconds + 10 && !interrupted(); t += 0.05) usleep(50'000);
   return read_cyclictest(content(file));
 }

@@ -1,7 +1,6 @@
 // The public tools that a soak compares itself with: cyclictest (rt-tests) and ddsperf (cyclonedds-tools).
 //
-// cyclictest runs one thread at 1 kHz with the haptic loop's policy, priority and core, memory locked (as an
-// ordinary thread where this process has no right to more: the daemon is one then as well). It
+// cyclictest runs one thread at 1 kHz with the haptic loop's policy, priority and core, memory locked. It
 // leaves out the wake-ups that a late one hides; the haptic loop counts them. So that the ratio compares like
 // with like, `with_hidden_wakeups` gives its figures the loop's accounting: a wake-up late by L ≥ T stands
 // for those late by L − T, L − 2T, … as well. ddsperf answers pings of a device state's size at 1 kHz: pong

@@ -47,7 +47,7 @@ class Soak {
         load_(options.load / 100),
         source_(*trajectory_of(scene)),
         core_(std::max(1, static_cast<int>(std::thread::hardware_concurrency())) - 1) {
-    has_cyclictest_ = is_installed("cyclictest");
+    has_cyclictest_ = is_installed("cyclictest") && realtime_allowed();  // it ends without that right
     has_ddsperf_ = is_installed("ddsperf");
     tool_domain_ = options.client.domain + 2;
     record_.scene = options.scene;
