@@ -56,7 +56,9 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
-  const ContactSolution& solution = s.solution = solve_contact(problem, instrument, X, period, contact, s.contact, s.scratch);
+  const CondensedProblem& now = at_tick(problem, options.viscous, period, s.patch);
+  const ContactSolution& solution = s.solution =
+      solve_contact(now, instrument, X, period, contact, s.contact, s.scratch);
   s.solved = true;
   answer.contacts = static_cast<std::uint32_t>(solution.contacts);
   answer.active = static_cast<std::uint32_t>(solution.active);
@@ -73,6 +75,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   // A poor iterate may be anything.
   if (solution.status != SolveStatus::solved && solution.residual > options.usable_residual)
     return held_wrench(s, period);
+  remember(s.scratch.x, s.patch);
   s.unusable_for = 0;
   s.good = {force_to_device(device, solution.wrench.head<3>()),
             torque_to_device(device, solution.wrench.tail<3>())};
@@ -84,6 +87,7 @@ ForceSample silence(ForceSample answer, HapticState& s) noexcept {
   s.contact.memory.count = 0;
   s.contact.coupling_offset.setZero();
   s.contact.frozen_step = 0;
+  s.patch.step = 0;
   s.blend.left = 0;
   s.passivity = {};
   s.render = Render::zero;

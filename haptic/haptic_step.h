@@ -10,6 +10,7 @@
 
 #include "haptic/limits.h"
 #include "haptic/passivity.h"
+#include "haptic/viscous_patch.h"
 #include "haptic/watchdog.h"
 #include "physics/contact/contact_solve.h"
 
@@ -18,6 +19,7 @@ namespace hapticd {
 struct HapticOptions {
   WatchdogLimits watchdog;
   ContactOptions contact;
+  ViscousOptions viscous;
   double blend_time = 5e-3;  // [s]
   // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered: the
   // last good wrench is held for 10 ms, then fades in 90 ms.
@@ -35,11 +37,12 @@ struct HapticInput {
   Deadline deadline;  // of the contact solve; none: bounded by counts alone
 };
 
-// About 1 MB of scratch: keep it on the heap, made before the loop starts.
+// About 2 MB of scratch: keep it on the heap, made before the loop starts.
 struct HapticState {
   WatchdogState watchdog;
   ContactState contact;
   ContactScratch scratch;
+  ViscousPatch patch;
   Blend blend;
   PassivityState passivity;
   Render render = Render::zero;  // of the previous tick

@@ -159,7 +159,8 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   instrument_inputs_.publish();
   history_.push({intended, force, watchdog.sample.pose, instrument});
 
-  if (captures_ && state_->solved) capture(*problem, force);
+  // What was solved: the published problem, or the patch made from it.
+  if (captures_ && state_->solved) capture(state_->patch.step > 0 ? state_->patch.problem : *problem, force);
   statistics_.write.record(written - solved);
   if (interval > 0) statistics_.interval.record(interval);
   count(force);

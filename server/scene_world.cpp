@@ -1,5 +1,7 @@
 #include "server/scene_world.h"
 
+#include <algorithm>
+
 namespace hapticd {
 
 namespace {
@@ -54,6 +56,9 @@ HapticOptions haptic_options(const Scene& scene) {
   // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
   options.contact.margin = scene.contact == Renewal::frozen ? 0 : haptic_margin * scene.alarm_distance;
   options.contact.coulomb.max_sweeps = haptic_max_sweeps;
+  options.viscous.step = 1 / scene.rate;
+  for (std::size_t b = 0; b < std::min(scene.bodies.size(), options.viscous.relaxation.size()); ++b)
+    options.viscous.relaxation[b] = scene.bodies[b].material.rayleigh_stiffness;
   return options;
 }
 

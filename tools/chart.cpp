@@ -40,15 +40,23 @@ TissueModel read_lens(const std::string& name) {
   return make_tissue_model(std::move(mesh), {3.0e3, 0.45, 1090, 2.0, 2.0e-3}, fixed, Vec3::Zero());
 }
 
+int run_program(const std::vector<std::string>& words) {
+  std::vector<std::string> copies = words;
+  std::vector<char*> argv;
+  for (std::string& word : copies) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  pid_t child = 0;
+  int status = 0;
+  if (posix_spawn(&child, argv[0], nullptr, nullptr, argv.data(), environ) != 0 ||
+      waitpid(child, &status, 0) != child || !WIFEXITED(status))
+    return -1;
+  return WEXITSTATUS(status);
+}
+
 void draw(const std::string& script, const std::string& data, const std::string& picture) {
   const std::string file = (config_directory().parent_path() / "tools" / script).string();
   if (!std::filesystem::exists(file)) throw std::runtime_error(file + ": not there, so nothing is drawn");
-  std::string words[] = {"/usr/bin/python3", file, data, picture};
-  char* argv[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
-  pid_t child = 0;
-  int status = 0;
-  if (posix_spawn(&child, argv[0], nullptr, nullptr, argv, environ) != 0 ||
-      waitpid(child, &status, 0) != child || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
+  if (run_program({"/usr/bin/python3", file, data, picture}) != 0)
     throw std::runtime_error(picture + ": could not be drawn; python3-matplotlib is needed");
 }
 
@@ -225,7 +233,8 @@ Command add_chart(CLI::App& application) {
   app->add_option("--out", options->out, "removal.json, removal.csv and removal.png into this directory");
   app->footer("Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart");
   const std::vector<Command> others = {add_chart_warping(*chart), add_chart_lcp(*chart),
-                                       add_chart_tissue(*chart), add_chart_economy(*chart)};
+                                       add_chart_tissue(*chart),  add_chart_economy(*chart),
+                                       add_chart_force(*chart),   add_chart_all(*chart)};
   return {chart, [options, app, others] {
             for (const Command& other : others)
               if (other.app->parsed()) return other.run();

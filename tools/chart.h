@@ -21,4 +21,7 @@ TissueModel read_lens(const std::string& name);
 // Runs tools/SCRIPT with Debian's python on these files. The scripts lie beside the configuration.
 void draw(const std::string& script, const std::string& data, const std::string& picture);
 
+// Runs a program and waits. Returns its exit code; −1 when it could not be started or was ended by a signal.
+int run_program(const std::vector<std::string>& words);
+
 }  // namespace hapticd

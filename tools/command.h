@@ -30,5 +30,7 @@ Command add_chart_warping(CLI::App& chart);
 Command add_chart_lcp(CLI::App& chart);
 Command add_chart_economy(CLI::App& chart);
 Command add_chart_tissue(CLI::App& chart);
+Command add_chart_force(CLI::App& chart);
+Command add_chart_all(CLI::App& chart);
 
 }  // namespace hapticd

@@ -172,6 +172,7 @@ DeviceSettings device_of(const Scene& scene, bool limits) {
 HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
   HapticOptions options = haptic_options(scene);
   options.contact.linearisations = o.linearisations;
+  if (!o.viscous) options.viscous.step = 0;
   if (o.tolerance > 0) options.contact.coulomb.tolerance = o.tolerance;
   if (o.sweeps_only > 0) {
     options.contact.coulomb.max_newton = 0;

@@ -56,6 +56,7 @@ struct OfflineOptions {
   std::optional<Warping> warping;
   bool newest_pose = true;
   bool fresh_free_motion = true;
+  bool viscous = true;     // the haptic tick's patch is viscous on its own time (viscous_patch.h)
   int linearisations = 2;  // of the haptic solve
   double tolerance = 0;    // of the friction solver, in both loops; 0: the scene's
   int sweeps_only = 0;     // > 0: block Gauss-Seidel with so many sweeps instead of the hybrid

@@ -5,21 +5,10 @@ Reads the JSON of `haptic chart lcp`. A mark is one case: its 99th percentile of
 a tail from the median of time. Filled: friction; the frictionless solvers have columns of their own.
 Example: tools/plot_chart_lcp.py lcp.json lcp.png
 """
-import argparse
-import json
-import os
 import sys
-import tempfile
 
-os.environ.setdefault("MPLCONFIGDIR", tempfile.mkdtemp(prefix="matplotlib-"))
-import matplotlib
+from plot_style import ACCENT, GREY, INK, plt, run
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-
-ACCENT = "#c2410c"
-INK = "#33383f"
-GREY = "#9aa1aa"
 STYLES = {
     "pivoting": dict(color=ACCENT, marker="o"),
     "hybrid": dict(color=ACCENT, marker="o"),
@@ -34,15 +23,6 @@ NAMES = {
     "pgs": "projected Gauss-Seidel, within 400 µs",
 }
 FLOOR = 1e-17
-
-
-def style():
-    plt.rcParams.update({
-        "font.size": 10, "axes.edgecolor": GREY, "axes.labelcolor": INK, "text.color": INK,
-        "xtick.color": INK, "ytick.color": INK, "axes.spines.top": False, "axes.spines.right": False,
-        "axes.grid": True, "grid.color": "#e6e8eb", "grid.linewidth": 0.8, "axes.axisbelow": True,
-        "figure.dpi": 130, "legend.frameon": False,
-    })
 
 
 def draw(data, path):
@@ -80,16 +60,5 @@ def draw(data, path):
     plt.close(figure)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", help="JSON of `haptic chart lcp`")
-    parser.add_argument("picture", help="PNG to write")
-    arguments = parser.parse_args()
-    with open(arguments.data) as file:
-        data = json.load(file)
-    style()
-    draw(data, arguments.picture)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, draw, "JSON of `haptic chart lcp`")

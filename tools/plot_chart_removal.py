@@ -5,21 +5,10 @@ Reads the JSON of `haptic chart removal` and writes one picture: a column per me
 of one removal, error of C_pp, memory.
 Example: tools/plot_chart_removal.py removal.json removal.png
 """
-import argparse
-import json
-import os
 import sys
-import tempfile
 
-os.environ.setdefault("MPLCONFIGDIR", tempfile.mkdtemp(prefix="matplotlib-"))
-import matplotlib
+from plot_style import ACCENT, GREY, INK, plt, run
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-
-ACCENT = "#c2410c"
-INK = "#33383f"
-GREY = "#9aa1aa"
 # One accent, for the method this project is about; the others by grey and dash.
 STYLES = {
     "zone": dict(color=ACCENT, lw=2.2, zorder=5),
@@ -34,15 +23,6 @@ NAMES = {
     "zone": "zone", "exact": "exact", "updown": "updown, zone last", "updown_metis": "updown, METIS order",
     "lazy": "lazy: the paper", "lazy_rebased": "lazy, new base every 64", "dense": "dense, full update",
 }
-
-
-def style():
-    plt.rcParams.update({
-        "font.size": 10, "axes.edgecolor": GREY, "axes.labelcolor": INK, "text.color": INK,
-        "xtick.color": INK, "ytick.color": INK, "axes.spines.top": False, "axes.spines.right": False,
-        "axes.grid": True, "grid.color": "#e6e8eb", "grid.linewidth": 0.8, "axes.axisbelow": True,
-        "figure.dpi": 130, "legend.frameon": False,
-    })
 
 
 def rows_of(data):
@@ -104,16 +84,5 @@ def draw(data, path):
     plt.close(figure)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", help="JSON of `haptic chart removal`")
-    parser.add_argument("picture", help="PNG to write")
-    arguments = parser.parse_args()
-    with open(arguments.data) as file:
-        data = json.load(file)
-    style()
-    draw(data, arguments.picture)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, draw, "JSON of `haptic chart removal`")

@@ -4,11 +4,9 @@
 Reads the JSON of `haptic chart warping` and writes one picture.
 Example: tools/plot_chart_warping.py warping.json warping.png
 """
-import argparse
-import json
 import sys
 
-from plot_chart_removal import ACCENT, INK, plt, style
+from plot_style import ACCENT, INK, plt, run
 
 STYLES = {
     ("zone", "none"): dict(color=ACCENT, lw=1.3, ls=(0, (1, 1.5)), label="zone, not warped"),
@@ -47,16 +45,5 @@ def draw(data, path):
     plt.close(figure)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", help="JSON of `haptic chart warping`")
-    parser.add_argument("picture", help="PNG to write")
-    arguments = parser.parse_args()
-    with open(arguments.data) as file:
-        data = json.load(file)
-    style()
-    draw(data, arguments.picture)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, draw, "JSON of `haptic chart warping`")

@@ -12,29 +12,15 @@ import json
 import pathlib
 import sys
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-ACCENT = "#c2410c"
-INK = "#33383f"
-GREY = "#9aa1aa"
+from plot_style import ACCENT, GREY, INK, plt, style
+
 TISSUE = np.array([0.80, 0.83, 0.87])
 ELEVATION, AZIMUTH = 50, -65  # of the eye: in front and above [degrees]
 LABEL_BOX = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 CUT = np.array([0.83, 0.36, 0.16])
-
-
-def style():
-    plt.rcParams.update({
-        "font.size": 10, "axes.edgecolor": GREY, "axes.labelcolor": INK, "text.color": INK,
-        "xtick.color": INK, "ytick.color": INK, "axes.spines.top": False, "axes.spines.right": False,
-        "axes.grid": True, "grid.color": "#e6e8eb", "grid.linewidth": 0.8, "axes.axisbelow": True,
-        "figure.dpi": 130, "legend.frameon": False,
-    })
 
 
 def read_forces(path):

@@ -1,0 +1,77 @@
+#include "haptic/viscous_patch.h"
+
+#include <algorithm>
+
+#include "haptic/contact_capture.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double shortest_tick = 0.5e-3;  // [s]; states that come closer together know no speed
+constexpr int body_shift = 56;            // of a sample's id (patch.cpp)
+
+// β of each node, from the body in the ids of the samples on it. False if all are zero.
+bool find_relaxation(const CondensedProblem& p, const ViscousOptions& options,
+                     std::array<double, max_patch_nodes>& relaxation) noexcept {
+  std::fill_n(relaxation.begin(), p.nodes, 0.0);
+  bool any = false;
+  for (int k = 0; k < p.samples; ++k) {
+    const PatchSample& s = p.sample[k];
+    const std::uint64_t body = s.id >> body_shift;
+    if (s.node[0] < 0 || body >= options.relaxation.size()) continue;
+    for (const int n : s.node) relaxation[n] = options.relaxation[body];
+    any = any || options.relaxation[body] > 0;
+  }
+  return any;
+}
+
+// Positions by node of `to` of what `from` knew by its own; both have their samples sorted by id, and a
+// face's corners are named in the same order in each.
+void carry_over(const CondensedProblem& from, const PatchPositions& known, const CondensedProblem& to,
+                PatchPositions& x) noexcept {
+  int i = 0;
+  for (int k = 0; k < to.samples; ++k) {
+    const PatchSample& s = to.sample[k];
+    while (i < from.samples && from.sample[i].id < s.id) ++i;
+    if (i == from.samples) return;
+    if (from.sample[i].id != s.id || s.node[0] < 0 || from.sample[i].node[0] < 0) continue;
+    for (int c = 0; c < 3; ++c) x[s.node[c]] = known[from.sample[i].node[c]];
+  }
+}
+
+}  // namespace
+
+const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
+                                double period, ViscousPatch& patch) noexcept {
+  if (options.step <= 0 || published.renewal == Renewal::frozen) return published;
+  const double T = std::max(period, shortest_tick);
+  if (patch.step == 0 || patch.step != published.step) {
+    std::array<double, max_patch_nodes> relaxation;
+    if (!find_relaxation(published, options, relaxation)) {
+      patch.step = 0;
+      return published;
+    }
+    PatchPositions before;
+    std::copy_n(published.x_free.begin(), published.nodes, before.begin());
+    if (patch.step > 0) carry_over(patch.problem, patch.before, published, before);
+    copy_in_use(published, patch.problem);
+    patch.before = before;
+    patch.relaxation = relaxation;
+    patch.step = published.step;
+    patch.period = options.step;
+  }
+  if (patch.period != T) {
+    Eigen::Map<MatX> C = patch.problem.C();
+    for (int n = 0; n < published.nodes; ++n)
+      C.middleCols<3>(3 * n) *= (1 + patch.relaxation[n] / patch.period) / (1 + patch.relaxation[n] / T);
+    patch.period = T;
+  }
+  for (int n = 0; n < published.nodes; ++n) {
+    const double by_step = patch.relaxation[n] / options.step, by_tick = patch.relaxation[n] / T;
+    const Vec3 equilibrium = (1 + by_step) * published.x_free[n] - by_step * published.x_now[n];
+    patch.problem.x_free[n] = (equilibrium + by_tick * patch.before[n]) / (1 + by_tick);
+  }
+  return patch.problem;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,42 @@
+// The published patch as the haptic tick should see it: viscous forces follow the tick's own time.
+//
+//   published, step h     A = s_h K,  s_h = 1 + β/h,   x_free = (x_eq + (β/h) x_now) / s_h
+//   here, tick T          A = s_T K,  s_T = 1 + β/T,   x_free ← (x_eq + (β/T) x_before) / s_T,  C_pp ← C_pp
+//   s_h/s_T
+//
+// β: stiffness-proportional damping of the node's body (B = βK), x_before: where the patch was after the tick
+// before. A published problem knows of velocity only that of its own step: in it, the force of tissue that is
+// pushed at constant speed grows over the step instead of being there at once. Mass and αM are left out: at
+// the tick's scale the patch is quasi-static beside its viscosity. At rest both are the same problem.
+// x_before is carried from problem to problem by sample ids; nodes that are new begin at their free place.
+// T is at least 0.5 ms; where it changes from tick to tick, C_pp is scaled anew.
+// Units: SI. Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
+#pragma once
+
+#include <array>
+
+#include "physics/contact/rows.h"
+
+namespace hapticd {
+
+struct ViscousOptions {
+  double step = 0;                      // h of the simulation [s]; 0: the problem is used as published
+  std::array<double, 16> relaxation{};  // β per body, 0 where it has none [s]
+};
+
+struct ViscousPatch {
+  CondensedProblem problem;  // what the tick solves
+  std::uint64_t step = 0;    // of the problem it was made from; 0: none, nothing is remembered
+  double period = 0;         // T that C_pp is of [s]
+  PatchPositions before;
+  std::array<double, max_patch_nodes> relaxation;
+};
+
+// The problem to be solved in this tick; `published` itself where nothing is viscous or rows are frozen.
+const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
+                                double period, ViscousPatch& patch) noexcept;
+
+// After the solve of that problem: where it left the patch.
+inline void remember(const PatchPositions& x, ViscousPatch& patch) noexcept { patch.before = x; }
+
+}  // namespace hapticd

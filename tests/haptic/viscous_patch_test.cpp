@@ -1,0 +1,129 @@
+// A patch that is viscous on the tick's own time: Kelvin and Voigt's answers by hand.
+#include "haptic/viscous_patch.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+
+namespace hapticd {
+namespace {
+
+constexpr double h = 20e-3, T = 1e-3, beta = 2e-3;
+constexpr double stiffness = 5;  // K of each node [N/m]
+
+// Three nodes of one face of body 0, each on a spring of its own: C = 1/(K (1 + β/h)).
+std::unique_ptr<CondensedProblem> face(std::uint64_t step, const Vec3& equilibrium, const Vec3& now) {
+  auto p = std::make_unique<CondensedProblem>();
+  p->step = step;
+  p->nodes = 3;
+  p->samples = 1;
+  p->sample[0] = {.id = 7,
+                  .node = {0, 1, 2},
+                  .weight = {1. / 3, 1. / 3, 1. / 3},
+                  .free = Vec3::Zero(),
+                  .outward = Vec3::UnitZ(),
+                  .friction = 0};
+  for (int n = 0; n < 3; ++n) {
+    p->x_now[n] = now;
+    p->x_free[n] = (equilibrium + beta / h * now) / (1 + beta / h);
+  }
+  p->C().setZero();
+  p->C().diagonal().setConstant(1 / (stiffness * (1 + beta / h)));
+  return p;
+}
+
+ViscousOptions options() {
+  ViscousOptions o;
+  o.step = h;
+  o.relaxation[0] = beta;
+  return o;
+}
+
+// f = K x + β K v for a node driven at constant speed from rest: there at once, in every tick.
+TEST(ViscousPatch, TissuePushedAtConstantSpeedPushesBackAtOnce) {
+  const double speed = 0.02;
+  const auto problem = face(1, Vec3::Zero(), Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  for (int k = 1; k <= 30; ++k) {
+    const CondensedProblem& p = at_tick(*problem, options(), T, *patch);
+    const double x = speed * T * k;
+    const double force = (x - p.x_free[0].z()) / p.C()(2, 2);
+    EXPECT_NEAR(force, stiffness * (x + beta * speed), 1e-12) << k;
+    PatchPositions after;
+    after.fill(Vec3(0, 0, x));
+    remember(after, *patch);
+  }
+}
+
+// Ticks at will, as in mode `event`.
+TEST(ViscousPatch, UnevenTicksFeelTheSameSpeed) {
+  const double speed = 0.02;
+  const auto problem = face(1, Vec3::Zero(), Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  double t = 0;
+  for (int k = 1; k <= 30; ++k) {
+    const double period = k % 3 == 0 ? 0.5e-3 : T;
+    t += period;
+    const CondensedProblem& p = at_tick(*problem, options(), period, *patch);
+    EXPECT_NEAR((speed * t - p.x_free[0].z()) / p.C()(2, 2), stiffness * (speed * t + beta * speed), 1e-12)
+        << k;
+    PatchPositions after;
+    after.fill(Vec3(0, 0, speed * t));
+    remember(after, *patch);
+  }
+}
+
+TEST(ViscousPatch, LetGoItRelaxesToItsEquilibriumInBeta) {
+  const Vec3 equilibrium(0, 0, 1e-3);
+  const auto problem = face(1, equilibrium, Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  PatchPositions x;
+  x.fill(Vec3::Zero());
+  at_tick(*problem, options(), T, *patch);
+  remember(x, *patch);
+  for (int k = 1; k <= 40; ++k) {
+    const CondensedProblem& p = at_tick(*problem, options(), T, *patch);
+    EXPECT_NEAR(p.x_free[1].z(), 1e-3 * (1 - std::pow(1 + T / beta, -k)), 1e-12);
+    remember(p.x_free, *patch);
+  }
+}
+
+TEST(ViscousPatch, AtRestNothingChangesBetweenProblems) {
+  const Vec3 place(1e-3, 2e-3, 3e-3);
+  auto patch = std::make_unique<ViscousPatch>();
+  for (std::uint64_t step = 1; step < 4; ++step) {
+    const auto problem = face(step, place, place);
+    const CondensedProblem& p = at_tick(*problem, options(), T, *patch);
+    for (int n = 0; n < 3; ++n) EXPECT_LT((p.x_free[n] - place).norm(), 1e-17);
+    remember(p.x_free, *patch);
+  }
+}
+
+// The same face under another numbering of the patch's nodes.
+TEST(ViscousPatch, CarriesPlacesFromProblemToProblemByTheirSamples) {
+  auto patch = std::make_unique<ViscousPatch>();
+  const auto first = face(1, Vec3::Zero(), Vec3::Zero()), second = face(2, Vec3::Zero(), Vec3::Zero());
+  at_tick(*first, options(), T, *patch);
+  PatchPositions x;
+  for (int n = 0; n < 3; ++n) x[n] = Vec3(n + 1, 0, 0);
+  remember(x, *patch);
+  second->sample[0].node = {2, 0, 1};
+  const CondensedProblem& p = at_tick(*second, options(), T, *patch);
+  const double kept = (beta / T) / (1 + beta / T);
+  EXPECT_NEAR(p.x_free[2].x(), kept * 1, 1e-15);
+  EXPECT_NEAR(p.x_free[0].x(), kept * 2, 1e-15);
+  EXPECT_NEAR(p.x_free[1].x(), kept * 3, 1e-15);
+}
+
+TEST(ViscousPatch, WithoutViscosityOrWithFrozenRowsTheProblemIsTheOnePublished) {
+  auto patch = std::make_unique<ViscousPatch>();
+  const auto problem = face(1, Vec3::Zero(), Vec3::Zero());
+  EXPECT_EQ(&at_tick(*problem, {.step = h, .relaxation = {}}, T, *patch), problem.get());
+  EXPECT_EQ(&at_tick(*problem, {}, T, *patch), problem.get());
+  problem->renewal = Renewal::frozen;
+  EXPECT_EQ(&at_tick(*problem, options(), T, *patch), problem.get());
+}
+
+}  // namespace
+}  // namespace hapticd

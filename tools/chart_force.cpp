@@ -1,0 +1,225 @@
+#include "tools/chart_force.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "tools/reference_cache.h"
+
+namespace hapticd {
+
+namespace {
+
+constexpr double reference_step = 1e-3;  // [s]
+
+// Pieces of work by about how long they take, for the progress bar.
+class Work {
+ public:
+  using Report = std::function<bool(double, const std::string&)>;
+  Work(const Report& report, double whole) : report_(report), whole_(whole) {}
+
+  void begin(const std::string& what, double weight) {
+    done_ += weight_;
+    weight_ = weight;
+    what_ = what;
+  }
+  OfflineProgress progress() {
+    return [this](double fraction) {
+      go_on_ = go_on_ && (!report_ || report_(std::min(1.0, (done_ + fraction * weight_) / whole_), what_));
+      return go_on_;
+    };
+  }
+  bool goes_on() const { return go_on_; }
+
+ private:
+  const Report& report_;
+  double whole_, done_ = 0, weight_ = 0;
+  std::string what_;
+  bool go_on_ = true;
+};
+
+// Of an exact step, which nearly everything consists of.
+double step_weight(const Scene& scene) {
+  double weight = 0;
+  for (const SceneBody& b : scene.bodies)
+    if (b.kind == BodyKind::deformable) weight += std::pow(static_cast<double>(b.mesh.nodes.size()), 1.5);
+  return weight;
+}
+
+struct Reference {
+  OfflineResult run, half;
+  double half_step_rel = 0;
+  bool converged = false;
+};
+
+Reference reference_of(const Scene& scene, const OfflineInput& input, const ForceChartSettings& settings,
+                       const std::string& what, Work& work) {
+  const double steps = (input.to - input.from + input.settle) / reference_step * step_weight(scene);
+  Reference r;
+  work.begin(what + ", reference", steps);
+  r.run = cached_reference(settings.cache, scene, input, reference_step, work.progress());
+  work.begin(what + ", reference at half the step", 2 * steps);
+  if (work.goes_on())
+    r.half = cached_reference(settings.cache, scene, input, 0.5 * reference_step, work.progress());
+  r.half_step_rel = force_error(r.run.ticks, r.half.ticks).rms_rel;
+  r.converged =
+      work.goes_on() && r.half_step_rel <= converged_within && r.run.inverted + r.half.inverted == 0;
+  return r;
+}
+
+ForcePoint point_of(const ForceConfiguration& c, const OfflineInput& input, const OfflineResult& result) {
+  ForcePoint p;
+  p.label = c.label;
+  p.config = c.words;
+  const double per_second = 1e3 / (input.to - input.from);
+  p.simulation_ms_per_s = per_second * result.simulation.total;
+  p.haptic_ms_per_s = per_second * result.haptic.total;
+  p.bases_ms_per_s = per_second * result.bases.total;
+  p.cpu_ms_per_s = p.simulation_ms_per_s + p.haptic_ms_per_s + p.bases_ms_per_s;
+  p.simulation_step_ms_p50 = 1e3 * result.simulation.quantile(50);
+  p.simulation_step_ms_p99 = 1e3 * result.simulation.quantile(99);
+  p.haptic_us_p99 = 1e6 * result.haptic.quantile(99);
+  p.memory_mb = 1e-6 * static_cast<double>(result.memory_bytes);
+  p.inverted = result.inverted;
+  p.capped = result.capped;
+  return p;
+}
+
+bool same_but_tolerance(nlohmann::ordered_json a, nlohmann::ordered_json b) {
+  a.erase("tolerance");
+  b.erase("tolerance");
+  return a == b;
+}
+
+const ForceRun::Trace* trace(const ForceRun& run, const std::string& label) {
+  for (const ForceRun::Trace& t : run.traces)
+    if (t.label == label) return &t;
+  return nullptr;
+}
+
+// Where a tighter tolerance does not give a smaller error, and why.
+void explain_tolerances(ForceChart& chart) {
+  constexpr double default_tolerance = 1e-8;
+  const auto tolerance = [&](const ForcePoint& p) { return p.config.value("tolerance", default_tolerance); };
+  for (const ForcePoint& tight : chart.points)
+    for (const ForcePoint& loose : chart.points) {
+      if (tight.trajectory != loose.trajectory || tight.removals != loose.removals ||
+          tolerance(tight) >= tolerance(loose) || tight.error.rms_rel <= loose.error.rms_rel ||
+          !same_but_tolerance(tight.config, loose.config))
+        continue;
+      for (const ForceRun& run : chart.runs) {
+        if (run.trajectory != tight.trajectory || run.removals != tight.removals) continue;
+        const ForceRun::Trace *a = trace(run, tight.label), *b = trace(run, loose.label);
+        if (!a || !b || run.reference.empty()) continue;
+        const double apart = force_error(a->ticks, b->ticks).rms_rel;
+        char text[400];
+        std::snprintf(
+            text, sizeof text,
+            "%s, %d removals: '%s' asks for a tighter tolerance than '%s' and errs by %.4f %% instead of "
+            "%.4f %%. Their forces are %.2g %% of the peak apart: the solver is not what errs, the "
+            "20 ms between two problems is, and a difference so small falls on either side of it.",
+            run.trajectory.c_str(), run.removals, tight.label.c_str(), loose.label.c_str(),
+            100 * tight.error.rms_rel, 100 * loose.error.rms_rel, 100 * apart);
+        chart.notes.push_back(text);
+      }
+    }
+}
+
+}  // namespace
+
+void mark_front(std::vector<ForcePoint>& points) {
+  for (ForcePoint& p : points) {
+    p.front_factor = 1;
+    for (const ForcePoint& q : points) {
+      if (&p == &q || q.trajectory != p.trajectory || q.removals != p.removals || !q.reference_converged)
+        continue;
+      if (q.cpu_ms_per_s <= 0 || q.error.rms_rel <= 0) continue;
+      p.front_factor = std::max(p.front_factor,
+                                std::min(p.cpu_ms_per_s / q.cpu_ms_per_s, p.error.rms_rel / q.error.rms_rel));
+    }
+    p.pareto = p.reference_converged && p.front_factor <= 1;
+  }
+}
+
+ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::path>& recordings,
+                       const ForceTable& table, const ForceChartSettings& settings,
+                       const std::function<bool(double, const std::string&)>& progress) {
+  std::vector<const ForceConfiguration*> chosen;
+  for (const ForceConfiguration& c : table.configurations)
+    if (!settings.quick || c.quick || c.label == table.default_label) chosen.push_back(&c);
+  const std::vector<int> removals = settings.quick ? std::vector<int>{0} : settings.removals;
+
+  // Inputs first: a fault in the last recording is not found after an hour.
+  struct Job {
+    OfflineInput input;
+    std::string trajectory;
+    int removals;
+  };
+  std::vector<Job> jobs;
+  double whole = 0;
+  for (const std::filesystem::path& file : recordings)
+    for (const int per_step : removals) {
+      Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
+      if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
+      const double span = job.input.to - job.input.from + job.input.settle;
+      whole += 3 * span / reference_step * step_weight(scene);
+      for (const ForceConfiguration* c : chosen)
+        whole += span * c->rate.value_or(scene.rate) * step_weight(scene);
+      jobs.push_back(std::move(job));
+    }
+  const bool in_space = !settings.quick && !table.finest.empty();
+  const Scene finest = in_space ? with_meshes(scene, table.finest) : Scene{};
+  if (in_space) whole += 3 * (jobs[0].input.to - jobs[0].input.from) / reference_step * step_weight(finest);
+
+  ForceChart chart;
+  chart.default_label = table.default_label;
+  Work work(progress, whole);
+  for (const Job& job : jobs) {
+    const std::string what = job.trajectory + (job.removals > 0 ? " with removals" : "");
+    const Reference own = reference_of(scene, job.input, settings, what, work);
+    Reference finest_reference;
+    const bool space_here = in_space && &job == &jobs[0];
+    if (space_here)
+      finest_reference = reference_of(finest, job.input, settings, what + ", finest mesh", work);
+
+    ForceRun run;
+    run.trajectory = job.trajectory;
+    run.removals = job.removals;
+    run.removed = own.run.removed;
+    run.half_step_rel = own.half_step_rel;
+    run.inverted = own.run.inverted + own.half.inverted;
+    run.converged = own.converged;
+    run.reference_cpu_s = own.run.simulation.total;
+    run.reference = own.run.ticks;
+    for (const ForceConfiguration* c : chosen) {
+      if (!work.goes_on()) return chart;
+      // A schedule names elements of the scene's own mesh.
+      if (!c->meshes.empty() && job.removals > 0) continue;
+      const Scene as = configured(scene, *c);
+      Reference other;
+      if (!c->meshes.empty())
+        other = reference_of(with_meshes(scene, c->meshes), job.input, settings, c->label, work);
+      const Reference& truth = c->meshes.empty() ? own : other;
+      work.begin(what + ": " + c->label,
+                 (job.input.to - job.input.from + job.input.settle) * as.rate * step_weight(as));
+      const OfflineResult result = run_offline(as, job.input, c->options, work.progress());
+      ForcePoint p = point_of(*c, job.input, result);
+      p.trajectory = job.trajectory;
+      p.removals = job.removals;
+      p.error = force_error(result.ticks, truth.run.ticks);
+      p.reference_converged = truth.converged;
+      if (space_here) {
+        p.space_rms_rel = force_error(truth.run.ticks, finest_reference.run.ticks).rms_rel;
+        p.whole_rms_rel = force_error(result.ticks, finest_reference.run.ticks).rms_rel;
+      }
+      run.traces.push_back({c->label, result.ticks});
+      chart.points.push_back(std::move(p));
+    }
+    chart.runs.push_back(std::move(run));
+  }
+  mark_front(chart.points);
+  explain_tolerances(chart);
+  return chart;
+}
+
+}  // namespace hapticd
