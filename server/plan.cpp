@@ -19,11 +19,12 @@ namespace {
 
 constexpr double worth_it = 0.97;            // of the cost: a choice that saves less is not made
 constexpr double kept_back = 0.8;            // of the accuracy: the rest is for what the stroke does not show
-constexpr double no_better = 1.05;           // of the whole model's error, where that misses the accuracy
+constexpr double no_better = 1.05;           // of the whole model's error, where that is nearly the accuracy
 constexpr double on_time = 0.8;              // of a period
 constexpr double reference_budget_ms = 800;  // of CPU time
 constexpr double pilots_budget_ms = 1000;
 constexpr int usual_pilots = 6;
+constexpr double settled = 0.1;                                // that a run holds the first pose [s]
 constexpr double longest_stroke = 1.2, shortest_stroke = 0.2;  // [s]
 constexpr std::size_t largest_exact = 2500;                    // nodes of a body; beyond, a step misses 50 Hz
 constexpr std::size_t least_zone = 600;  // below, a factor costs less than a zone's solves
@@ -141,18 +142,25 @@ class Planner {
     const PilotRun first = run_pilot(scene(), pilot_stroke(scene(), 0.1));
     const double step = std::max(0.05, first.cost_ms);
     const double h_ms = 1e3 / scene().rate;
-    const double seconds = std::clamp(pilots_budget_ms / usual_pilots / step * h_ms * 1e-3 - 0.1,
-                                      shortest_stroke, longest_stroke);
+    double seconds = std::clamp(pilots_budget_ms / usual_pilots / step * h_ms * 1e-3 - settled,
+                                shortest_stroke, longest_stroke);
+    // A shorter stroke rather than a reference of longer steps, within reason.
+    every_ms_ = std::max(1, static_cast<int>(h_ms));
+    for (const int every : {1, 2, 4, 5}) {
+      if (every >= h_ms) break;
+      every_ms_ = every;
+      const double affordable = 1e-3 * every * reference_budget_ms / std::max(0.02, first.step_ms) - settled;
+      if (affordable < 0.6 * seconds && every < 5) continue;
+      seconds = std::clamp(affordable, std::min(shortest_stroke, seconds), seconds);
+      break;
+    }
     stroke_ = pilot_stroke(scene(), seconds);
     plan_.stroke = stroke_.text;
-    every_ms_ = static_cast<int>(h_ms);
-    for (const int every : {5, 4, 2, 1})
-      if (every < h_ms && 1e3 * (seconds + 0.1) / every * first.step_ms <= reference_budget_ms)
-        every_ms_ = every;
     reference_ = run_reference(scene(), stroke_, every_ms_);
     now_ = run_pilot(scene(), stroke_);
     error_ = rigid_error_ + force_error(reference_, now_, every_ms_);
-    allowed_ = std::max(kept_back * scene().accuracy, no_better * error_);
+    // Where the whole model misses the accuracy, nothing says that what looks no worse is.
+    allowed_ = error_ <= scene().accuracy ? std::max(kept_back * scene().accuracy, no_better * error_) : 0;
     whole_error_ = error_;
     touches_ = std::any_of(reference_.force.begin(), reference_.force.end(),
                            [](const Vec3& f) { return f.squaredNorm() > 0; });
@@ -186,7 +194,9 @@ class Planner {
     }
     say(term, richer,
         std::string(cheaper) + " would cost " + measured +
-            (!exact_enough ? format(": more than %.2g", allowed_) : std::string(": saves nothing")),
+            (allowed_ == 0   ? std::string(": kept whole, for even that misses the accuracy")
+             : !exact_enough ? format(": more than %.2g", allowed_)
+                             : std::string(": saves nothing")),
         std::max(0.0, now_.cost_ms - run.cost_ms), 0);
   }
 

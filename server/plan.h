@@ -1,18 +1,19 @@
 // The least model a scene needs: which terms are worth their cost, decided by what they cost and change here.
 //
-//   out of reach  a body whose nearest node the device cannot bring the instrument to: stands still, costs
-//   nothing rigid         its softest surface node against the coupling:  e ≤ c / (c + 1/K_vc),  c = n·C n of
-//   K alone the rest      each cheaper choice is run along a stroke (plan_pilot.h) and kept if it costs less
-//   and the force
-//                 error of the whole plan stays within four fifths of `accuracy`
+//   out of reach  the device cannot bring the instrument to it: it stands still and costs nothing
+//   rigid         its softest surface node against the coupling: e ≤ c/(c + 1/K_vc), c = n·C n, C of K alone
+//   the rest      a cheaper choice is run along a stroke (plan_pilot.h), and made if it costs less and leaves
+//                 the whole plan's force error within four fifths of `accuracy`
 //
 // Choices are tried one after the other, what saves most first: elements linear, motion static, compliance
-// zone, friction left out, contact frozen; the plan with all that was kept has therefore been run as a whole,
-// and the error estimate is that run's. What the scene pins is left; what the stroke does not press keeps its
-// whole model and sleeps. Where not even the whole model meets `accuracy`, no choice may add more than a
-// twentieth to its error, and `met` is false. Costs: CPU ms per simulation step, its haptic ticks and bases
-// included. Errors: RMS over peak force, of the stroke. Takes about 2 s; nothing is remembered. Throws what
-// reading the scene's trajectory does.
+// zone, friction left out, contact frozen. What was kept has therefore been run as a whole, and the error
+// estimate is that run's. What the scene pins is left; what the stroke does not press keeps its whole model
+// and sleeps. Where not even the whole model meets `accuracy` nothing is made cheaper, but for the rate's
+// sake.
+//
+// Costs: CPU ms per simulation step, its haptic ticks and bases included. Errors: RMS over peak force,
+// of the stroke. Takes about 2 s, longer where a step takes long; nothing is remembered. Throws what reading
+// the scene's trajectory does.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

@@ -1,7 +1,7 @@
 // A scene run for a fraction of a second before it starts, in virtual time: what a choice costs here, and
 // what force it answers.
 //
-//   pilot      step k begins at k h, latches and publishes as late as its own cost makes it; the contact is
+//   pilot      step k begins at k h, latches and publishes as late as its own cost makes it; contact is
 //   solved
 //              again each millisecond, as the haptic loop does
 //   reference  one loop of step h', every force felt at the step's own time

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "haptic/device.h"
+#include "physics/simulation/patch.h"
 #include "physics/tissue/surface.h"
 #include "server/trajectory_reader.h"
 
@@ -15,20 +16,25 @@ namespace {
 constexpr double tick = 1e-3;              // [s]
 constexpr double looked_at = 10e-3;        // of the trajectory, when the window is sought [s]
 constexpr double approach_step = 0.25;     // in alarm distances
-constexpr std::size_t most_approach = 60;  // poses
+constexpr std::size_t most_approach = 30;  // poses
+constexpr double begins_inside = 0.7;      // of its score has a window that begins in contact
 constexpr double hand_speed = 0.1;         // of a made-up press, in the device's space [m/s]
-constexpr std::size_t most_points = 4000;  // of a body's surface, for gaps
+constexpr double most_points = 3000;       // of a body's surface, for gaps
 
-std::vector<Vec3> surface_points(const SceneBody& body) {
+// Samples of a body's surface, at rest, no farther apart than those of contact where that is not too many.
+std::vector<Vec3> surface_points(const SceneBody& body, double spacing) {
   const BoundarySurface surface(body.mesh);
-  std::vector<int> nodes;
-  for (const SurfaceFace& face : surface.faces())
-    nodes.insert(nodes.end(), face.nodes.begin(), face.nodes.end());
-  std::sort(nodes.begin(), nodes.end());
-  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  const auto& x = body.mesh.nodes;
+  double area = 0;
+  for (const SurfaceFace& f : surface.faces())
+    area += 0.5 * (x[f.nodes[1]] - x[f.nodes[0]]).cross(x[f.nodes[2]] - x[f.nodes[0]]).norm();
+  spacing = std::max(spacing, std::sqrt(area / most_points));
   std::vector<Vec3> points;
-  const std::size_t every = 1 + nodes.size() / most_points;
-  for (std::size_t i = 0; i < nodes.size(); i += every) points.push_back(body.mesh.nodes[nodes[i]]);
+  for (const SurfaceFace& f : surface.faces()) {
+    const Vec3 &p = x[f.nodes[0]], &q = x[f.nodes[1]], &r = x[f.nodes[2]];
+    for (const auto& w : sample_weights(subdivisions(p, q, r, spacing)))
+      points.push_back(w[0] * p + w[1] * q + w[2] * r);
+  }
   return points;
 }
 
@@ -38,6 +44,15 @@ double least_gap(const Instrument& instrument, const Pose& X, const std::vector<
   double least = std::numeric_limits<double>::infinity();
   for (const Vec3& p : points) least = std::min(least, gap_at(instrument, X, p).distance);
   return least;
+}
+
+// Where a tip first destroys tissue: what it does from there on makes no sense without that.
+double uncut_until(const Scene& scene, const Trajectory& device) {
+  constexpr std::uint32_t phaco = 1;
+  if (scene.removal.rate > 0)
+    for (const TrajectorySample& s : device.samples)
+      if (s.buttons & phaco) return s.t;
+  return device.end();
 }
 
 template <typename PoseAt>
@@ -50,22 +65,26 @@ std::vector<Pose> thinned(double from, double to, double step, const PoseAt& pos
   return out;
 }
 
+// Without poses where it touches nothing before it cuts.
 PilotStroke from_trajectory(const Scene& scene, double seconds) {
   const Trajectory device = read_trajectory(*scene.trajectory, LengthUnit::metre);
+  const double last = uncut_until(scene, device);
   std::vector<Vec3> points;
   for (const SceneBody& b : scene.bodies)
     if (deforms(b)) {
-      const std::vector<Vec3> more = surface_points(b);
+      const std::vector<Vec3> more = surface_points(b, scene.sample_spacing);
       points.insert(points.end(), more.begin(), more.end());
     }
   const auto pose_at = [&](double t) { return to_scene(scene.device, sample_at(device, t)); };
 
-  const auto looks = static_cast<std::size_t>(std::max(1.0, (device.end() - device.begin()) / looked_at));
-  std::vector<double> depth(looks);
-  for (std::size_t i = 0; i < looks; ++i)
-    depth[i] = std::max(
-        0.0,
-        -least_gap(scene.instrument, pose_at(device.begin() + looked_at * static_cast<double>(i)), points));
+  const auto looks = static_cast<std::size_t>(std::max(1.0, (last - device.begin()) / looked_at));
+  std::vector<double> gap(looks), depth(looks);
+  for (std::size_t i = 0; i < looks; ++i) {
+    gap[i] =
+        least_gap(scene.instrument, pose_at(device.begin() + looked_at * static_cast<double>(i)), points);
+    depth[i] = std::max(0.0, -gap[i]);
+  }
+  if (*std::max_element(depth.begin(), depth.end()) <= 0) return {};
   // How far it has gone in contact.
   std::vector<double> way(looks, 0);
   for (std::size_t i = 1; i < looks; ++i) {
@@ -78,7 +97,9 @@ PilotStroke from_trajectory(const Scene& scene, double seconds) {
   for (std::size_t i = 0; i + window <= looks; ++i) {
     const auto [low, high] = std::minmax_element(depth.begin() + static_cast<std::ptrdiff_t>(i),
                                                  depth.begin() + static_cast<std::ptrdiff_t>(i + window));
-    const double score = *high + (*high - *low) + 0.5 * (way[i + window - 1] - way[i]);
+    const bool clear = gap[i] > scene.alarm_distance || (way[i] == 0 && depth[i] == 0);
+    const double score =
+        (clear ? 1 : begins_inside) * (*high + (*high - *low) + 0.5 * (way[i + window - 1] - way[i]));
     if (score > best_score + 1e-12) best = i, best_score = score;
   }
   PilotStroke stroke;
@@ -86,14 +107,16 @@ PilotStroke from_trajectory(const Scene& scene, double seconds) {
   // From the trajectory's begin, or where that is too far from where it last was clear of everything. Not
   // from where it last was free: an instrument that has bent a thin body far aside is clear of where that was
   // at rest.
-  stroke.approach = thinned(device.begin(), begin, 1 / scene.rate, pose_at, scene.alarm_distance);
+  const bool untouched = way[best] == 0 && depth[best] == 0;
+  if (!untouched)
+    stroke.approach = thinned(device.begin(), begin, 1 / scene.rate, pose_at, scene.alarm_distance);
   if (stroke.approach.size() > most_approach) {
     std::size_t clear = best;
     while (clear > 0 && depth[clear] > 0) --clear;
     stroke.approach = thinned(device.begin() + looked_at * static_cast<double>(clear), begin, 1 / scene.rate,
                               pose_at, scene.alarm_distance);
   }
-  const double end = std::min(begin + seconds, device.end());
+  const double end = std::min(begin + seconds, last);
   for (double t = begin; t < end; t += tick) stroke.pose.push_back(pose_at(t));
   char text[256];
   std::snprintf(text, sizeof text, "%.2f to %.2f s of %s", begin, end, scene.trajectory->filename().c_str());
@@ -119,7 +142,7 @@ PilotStroke made_up(const Scene& scene, double seconds) {
   stroke.text = "a made-up press";
   for (const SceneBody& b : scene.bodies) {
     if (!deforms(b) || beyond_reach(scene, b) >= 0) continue;
-    const std::vector<Vec3> points = surface_points(b);
+    const std::vector<Vec3> points = surface_points(b, scene.sample_spacing);
     const Vec3 nearest = *std::min_element(points.begin(), points.end(), [&](const Vec3& x, const Vec3& y) {
       return (x - origin.p).squaredNorm() < (y - origin.p).squaredNorm();
     });
@@ -127,6 +150,10 @@ PilotStroke made_up(const Scene& scene, double seconds) {
     // To the first touch: no step is longer than the gap, so nothing is passed.
     Pose X = origin;
     double gap = least_gap(scene.instrument, X, points);
+    for (int i = 0; i < 20 && gap < 0; ++i) {
+      X.p -= radius * way;
+      gap = least_gap(scene.instrument, X, points);
+    }
     for (int i = 0; i < 200 && gap > 0.01 * radius; ++i) {
       X.p += gap * way;
       gap = least_gap(scene.instrument, X, points);
@@ -149,7 +176,9 @@ PilotStroke made_up(const Scene& scene, double seconds) {
 }  // namespace
 
 PilotStroke pilot_stroke(const Scene& scene, double seconds) {
-  return scene.trajectory ? from_trajectory(scene, seconds) : made_up(scene, seconds);
+  PilotStroke stroke;
+  if (scene.trajectory) stroke = from_trajectory(scene, seconds);
+  return stroke.pose.empty() ? made_up(scene, seconds) : stroke;
 }
 
 double beyond_reach(const Scene& scene, const SceneBody& body) {

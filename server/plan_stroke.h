@@ -1,14 +1,12 @@
-// The motion along which a plan tries its choices: a piece of the scene's own trajectory, or a press that is
-// made up.
+// The motion along which a plan tries its choices: a piece of the scene's own trajectory, or a press made up.
 //
-//   trajectory   the window that takes the instrument deepest and farthest within the bodies at rest; the way
-//   there is gone in steps
-//                of a quarter of the alarm distance, however long it took
-//   made up      from the device's origin to the nearest point of each body within reach, half the tip's
-//   radius
-//                deep, and a radius sideways, at a hand's 0.1 m/s · position_scale
+//   trajectory   the window that goes deepest and farthest within the bodies at rest, before anything is cut;
+//                the way there in steps of a quarter of the alarm distance, however long it took
+//   made up      where there is none, or it touches nothing: from the device's origin to the nearest point of
+//                each body within reach, half the tip's radius deep, and a radius sideways, at a hand's
+//                0.1 m/s · position_scale
 //
-// Poses are the instrument's in the scene, one a millisecond; gaps are to the bodies' rest shape.
+// Poses are the instrument's in the scene, one a millisecond; gaps are to samples of the surface at rest.
 // Units: m, s.
 #pragma once
 

@@ -1,10 +1,8 @@
 // What a scene's plan is worth: every model that the scene allows, run along the whole of its trajectory.
 //
-//   error   √(mean ‖f − f_ref‖²) / max ‖f_ref‖,  f at 1 kHz from offline_run.h, f_ref its reference at 1 ms
-//   of the
-//           scene's whole model
-//   cost    CPU ms per simulation step: it, its haptic ticks and the bases made meanwhile; the lesser of two
-//   runs
+//   error   √(mean ‖f − f_ref‖²) / max ‖f_ref‖,  f at 1 kHz from offline_run.h, f_ref its reference at 1 ms,
+//           of the scene's whole model
+//   cost    CPU ms per simulation step: it, its haptic ticks and bases; the lesser of two runs
 //
 // The models: for each body that deforms within reach corotational, linear, linear and static (where it is
 // held and never cut), rigid (where it is held and never cut); friction on and off where there is any;

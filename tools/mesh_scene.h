@@ -3,8 +3,7 @@
 //   tip radius r = clamp(2 · mean surface edge, D/30, D/8)    elements no larger than half the tip's radius
 //   alarm distance 1.6 r,  sample spacing r/3                 D: the bounding box's diagonal
 //   coupling 10 · 2 E/(1−ν²) √(r · r/2)                       ten times Hertz's stiffness, r/2 deep
-//   position scale: the device's workspace spans 0.6 D;  force scale: the device's stiffness felt at the
-//   coupling
+//   position scale: 60 mm of the hand are 0.3 D               force scale: the coupling feels like 400 N/m
 //
 // The tissue is that of a soft organ: E 3 kPa, ν 0.45, 1000 kg/m³. It is held by the mesh's group whose name
 // says so, else by its lowest tenth, along z.
