@@ -27,6 +27,7 @@ struct Entry {
 
 const std::vector<Entry>& charts() {
   static const std::vector<Entry> entries = {{"force", {"--quick"}, {}, 60, 600},
+                                             {"tissue", {"--quick"}, {}, 30, 1500},
                                              {"removal", {"--quick"}, {}, 15, 600},
                                              {"warping", {}, {}, 10, 10},
                                              {"lcp", {"--quick"}, {}, 60, 1200}};
