@@ -53,6 +53,7 @@ struct StrokeRow {
 // Forces of half the step against the whole one, of one stroke without removals.
 struct Refinement {
   std::string mesh;
+  Law law;
   double depth, h, difference;  // rms over the finest one's rms
   int inverted_steps;           // of the finest one
 };
@@ -107,10 +108,11 @@ Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progr
     strokes.rows.push_back(std::move(row));
   }
   if (options.quick || !wanted(refinement_part)) return strokes;
-  for (const char* mesh : {"lens", "lens_graded"})
-    for (const double depth : {0.3e-3, 1e-3, 2e-3}) {
+  for (const StrokeCase& c : stroke_cases)
+    for (const double depth : {1e-3, 2e-3}) {
       StrokeSettings one = base;
-      one.mesh = mesh;
+      one.mesh = c.mesh;
+      one.law = c.law;
       one.depth = depth;
       one.removal = false;
       std::vector<StrokeReport> by_step;
@@ -123,7 +125,7 @@ Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progr
       }
       const double steps[] = {20e-3, 10e-3, 4e-3};
       for (int k = 0; k < 3; ++k)
-        strokes.refinements.push_back({mesh, depth, steps[k],
+        strokes.refinements.push_back({c.mesh, c.law, depth, steps[k],
                                        rms_difference(by_step[k].force, by_step[3].force),
                                        by_step[3].inverted_steps});
     }
@@ -151,6 +153,7 @@ void add_json(nlohmann::ordered_json& json, const Strokes& strokes) {
   }
   for (const Refinement& r : strokes.refinements)
     json["stroke_steps"].push_back({{"mesh", r.mesh},
+                                    {"law", name_of(r.law)},
                                     {"depth_mm", 1e3 * r.depth},
                                     {"h_ms", 1e3 * r.h},
                                     {"rms_difference", r.difference},
@@ -169,8 +172,9 @@ void print_strokes(const Strokes& strokes) {
   }
   for (const Refinement& r : strokes.refinements)
     std::printf(
-        "  %-11s %.1f mm, step %4.0f ms: %5.1f %% from a step of 2 ms (inside out in %d of its steps)\n",
-        r.mesh.c_str(), 1e3 * r.depth, 1e3 * r.h, 100 * r.difference, r.inverted_steps);
+        "  %-11s %-12s %.1f mm, step %4.0f ms: %5.1f %% from a step of 2 ms (inside out in %d of its "
+        "steps)\n",
+        r.mesh.c_str(), name_of(r.law), 1e3 * r.depth, 1e3 * r.h, 100 * r.difference, r.inverted_steps);
 }
 
 nlohmann::ordered_json to_json(const TissueFindings& findings) {

@@ -52,7 +52,13 @@ def locking(axes, points, problem):
     axes.set_yscale("log")
     axes.set_title(f"{problem}: stiffness over the exact", loc="left", fontsize=10.5)
     axes.set_xlabel("element size over the load's or the wall's")
-    axes.legend(fontsize=7)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * (high / low) ** 0.5)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("")
+    axes.legend(fontsize=7, loc="upper left", ncol=2)
 
 
 def draw(data, path):
