@@ -8,8 +8,8 @@
 // The co-rotational energy measures volume by tr(RᵀF), which a tetrahedron flattened one way and stretched
 // another does not change: it can lose all its volume for nothing. The guard measures det F. Its force is the
 // exact gradient of its energy and continuous at J₀; K is positive semi-definite and bounds the energy's
-// second derivative from above (−∂²J/∂F² ≤ ‖F‖), so that a step can be too short and not too long. It is
-// finite at J = 0 and below, and pushes an inverted tetrahedron back: inversion is made dear, not impossible.
+// second derivative from above (−∂²J/∂F² ≤ ‖F‖ while J ≥ 0; inside out by up to 2/√3 more). It is
+// finite at J = 0 and below: inversion is made dear, not impossible, nor is its undoing sure (README).
 // Units: p, κ in Pa; c in 1/m; f in N, K in N/m. Cost: nothing where no tetrahedron is collapsed but its det
 // F. Source: Irving, Teran and Fedkiw 2004 for elasticity that survives inversion; a quadratic barrier in J
 // is a usual choice, its constants are ours (README).
