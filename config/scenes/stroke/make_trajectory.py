@@ -10,7 +10,7 @@ import pathlib
 
 SCALE, ORIGIN_Z = 0.08, 1.2e-3
 POLE, RADIUS, TIP = 1.75e-3, 10e-3, 0.6e-3
-DEPTH, GAP, HALF, RAMP = 0.3e-3, 0.1e-3, 1.6e-3, 0.8e-3
+DEPTH, GAP, HALF, RAMP = 0.3e-3, 0.1e-3, 2.6e-3, 1.6e-3
 SPEED, TILT, DT = 20e-3, 0.3, 2e-3
 
 
