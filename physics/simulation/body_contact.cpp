@@ -19,7 +19,7 @@ constexpr double missed = 1e-6;       // overlap that makes a node join [m]
 constexpr double same_contact = 0.9;  // cosine of normals that may hand λ on
 constexpr double inside_the_cone = 1 - 1e-6;  // ‖λ_t‖ / (μ λ_n) below which a contact sticks
 constexpr double relative_diagonal = 1e-9;
-constexpr double closed_gap = 1e-12;  // overlap that makes a contact part of the solve [m]
+constexpr double closed_gap = 1e-9;   // overlap that makes a contact part of the solve [m]
 constexpr int sweeps = 2000;          // no deadline of a millisecond here
 
 bool moves(const Body& body) { return body.deformable && !body.asleep; }

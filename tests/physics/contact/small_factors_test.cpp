@@ -38,7 +38,7 @@ TEST(SmallFactors, LuSolvesEverySize) {
     for (int k = 0; k < n; ++k) exchanged += pivot[k] != k;
     EXPECT_LE((A * b - A * x).norm(), 1e-11 * A.norm() * b.norm()) << n;
   }
-  EXPECT_GT(exchanged, 500);
+  EXPECT_GT(exchanged, 100);
 }
 
 TEST(SmallFactors, CholeskySolvesEverySize) {
