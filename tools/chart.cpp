@@ -224,7 +224,8 @@ Command add_chart(CLI::App& application) {
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "removal.json, removal.csv and removal.png into this directory");
   app->footer("Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart");
-  const std::vector<Command> others = {add_chart_warping(*chart), add_chart_lcp(*chart)};
+  const std::vector<Command> others = {add_chart_warping(*chart), add_chart_lcp(*chart),
+                                       add_chart_step(*chart)};
   return {chart, [options, app, others] {
             for (const Command& other : others)
               if (other.app->parsed()) return other.run();

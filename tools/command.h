@@ -27,5 +27,6 @@ Command add_soak(CLI::App& application);
 Command add_abuse(CLI::App& application);
 Command add_chart_warping(CLI::App& chart);
 Command add_chart_lcp(CLI::App& chart);
+Command add_chart_step(CLI::App& chart);
 
 }  // namespace hapticd
