@@ -234,7 +234,8 @@ Command add_chart(CLI::App& application) {
   app->footer("Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart");
   const std::vector<Command> others = {add_chart_warping(*chart), add_chart_lcp(*chart),
                                        add_chart_tissue(*chart),  add_chart_economy(*chart),
-                                       add_chart_force(*chart),   add_chart_all(*chart)};
+                                       add_chart_force(*chart),   add_chart_step(*chart),
+                                       add_chart_all(*chart)};
   return {chart, [options, app, others] {
             for (const Command& other : others)
               if (other.app->parsed()) return other.run();

@@ -32,5 +32,6 @@ Command add_chart_economy(CLI::App& chart);
 Command add_chart_tissue(CLI::App& chart);
 Command add_chart_force(CLI::App& chart);
 Command add_chart_all(CLI::App& chart);
+Command add_chart_step(CLI::App& chart);
 
 }  // namespace hapticd

@@ -33,6 +33,9 @@ enum class NodeOrder : std::uint8_t { zone_last, metis };
 // connected piece by the piece's mean turn (node_turn.h: what each is good for).
 enum class Warping : std::uint8_t { none, node, piece };
 
+// Who factors A for `exact`: our own fronts (multifrontal_factor.h), or CHOLMOD, the oracle and fallback.
+enum class Factorisation : std::uint8_t { multifrontal, cholmod };
+
 struct ComplianceOptions {
   double good_error = 1e-6;        // sampled error above it: not `good`
   double rebase_error = 0.03;      // … above it: a base is wanted
@@ -46,6 +49,7 @@ struct ComplianceOptions {
   std::optional<Warping> warping;  // default: zone by piece; lazy, updown and dense by node, as the paper
   bool rounded_base = false;       // zone: solve with a rounded copy of the base factor (rest_panels.h)
   NodeOrder updown_order = NodeOrder::zone_last;
+  Factorisation factorisation = Factorisation::multifrontal;
   int lazy_rebase_after = 0;  // lazy: removals after which `update` makes a new base; 0: never, as the paper
 };
 
@@ -121,8 +125,7 @@ class Compliance {
 std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
                                             const ComplianceOptions& options = {});
 
-// CHOLMOD refactorisation each step: the model of accuracy. Of a linear body only where elements went or the
-// zone moved.
+// A refactorisation each step: the model of accuracy. Of a linear body only where elements went or the zone moved.
 std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
                                                   const ComplianceOptions& options = {});
 

@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
 #include "physics/compliance/cholmod_factor.h"
 #include "physics/compliance/compliance.h"
+#include "physics/compliance/multifrontal_factor.h"
 #include "physics/compliance/patch_inverse.h"
 #include "physics/compliance/residual.h"
 
@@ -15,6 +17,7 @@ namespace hapticd {
 
 namespace {
 
+template <class Factor>
 class ExactCompliance final : public Compliance {
  public:
   ExactCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
@@ -53,7 +56,11 @@ class ExactCompliance final : public Compliance {
     removed_at_factor_ = state.removed;
     if (!order_is_current_) {
       const std::vector<std::uint8_t> live = matrix_.live_edges(state);
-      factor_.set_order(matrix_, zone_last_order(matrix_.graph_of(live), fill_order_, zone_), live);
+      const std::vector<int> order = zone_last_order(matrix_.graph_of(live), fill_order_, zone_);
+      if constexpr (std::is_same_v<Factor, MultifrontalFactor>)
+        factor_.set_order(matrix_, order, live, static_cast<int>(zone_.size()));
+      else
+        factor_.set_order(matrix_, order, live);
       order_is_current_ = true;
     }
     factored_ = corner_is_current_ = false;
@@ -119,7 +126,7 @@ class ExactCompliance final : public Compliance {
   NodeGraph graph_;
   std::vector<int> fill_order_;
   SystemMatrix matrix_;
-  CholmodFactor factor_;
+  Factor factor_;
   PatchInverse patch_inverse_;
   std::vector<int> zone_;
   std::vector<std::uint8_t> in_zone_;
@@ -139,7 +146,9 @@ std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, doub
   // Two or more BLAS threads lose on fronts this small, and would fight the haptic thread for its core.
   openblas_set_num_threads(1);
 #endif
-  return std::make_unique<ExactCompliance>(model, h, options);
+  if (options.factorisation == Factorisation::cholmod)
+    return std::make_unique<ExactCompliance<CholmodFactor>>(model, h, options);
+  return std::make_unique<ExactCompliance<MultifrontalFactor>>(model, h, options);
 }
 
 }  // namespace hapticd

@@ -1,0 +1,168 @@
+// The kernels of front_kernels.h for one instruction set, whose vector type and number of lanes `Isa` names.
+//
+// Included by one source file for each, compiled with that set's flags: everything here has internal linkage
+// and nothing of the standard library is called, so that no function compiled for a newer processor can be
+// picked by the linker for an older one.
+#pragma once
+
+#include "physics/compliance/front_kernels.h"
+
+namespace hapticd {
+namespace {
+
+enum class Finish { none, solve, factor };
+
+template <class Isa>
+struct FrontTiles {
+  using Vector = typename Isa::Vector;
+  static constexpr int lanes = Isa::lanes;
+  static constexpr int most_vectors = 3;
+
+  static Vector load(const double* p) noexcept {
+    Vector v;
+    __builtin_memcpy(&v, p, sizeof v);
+    return v;
+  }
+  static void store(const Vector& v, double* p) noexcept { __builtin_memcpy(p, &v, sizeof v); }
+
+  struct Tile {
+    const double* A;  // its rows, before column `depth`
+    const double* B;  // rows that are its columns
+    std::ptrdiff_t stride;
+    int depth;
+    double* C;
+    std::ptrdiff_t C_stride;
+    bool fresh;
+    const double* triangle;  // L_JJ of the tile's columns, to solve with
+    double* reciprocal;      // of its diagonal
+  };
+
+  // C ← C − A Bᵀ, and then C ← C L_JJ⁻ᵀ, or its own Cholesky factor. False: a pivot is not positive.
+  template <int vectors, int columns, Finish finish>
+  static bool run(const Tile& tile) noexcept {
+    Vector c[columns][vectors];
+#pragma GCC unroll 8
+    for (int j = 0; j < columns; ++j)
+#pragma GCC unroll 3
+      for (int v = 0; v < vectors; ++v)
+        c[j][v] = tile.fresh ? Vector{} : load(tile.C + j * tile.C_stride + v * lanes);
+    const double* a = tile.A;
+    const double* b = tile.B;
+    for (int k = 0; k < tile.depth; ++k, a += tile.stride, b += tile.stride) {
+      Vector row[vectors];
+#pragma GCC unroll 3
+      for (int v = 0; v < vectors; ++v) row[v] = load(a + v * lanes);
+#pragma GCC unroll 8
+      for (int j = 0; j < columns; ++j)
+#pragma GCC unroll 3
+        for (int v = 0; v < vectors; ++v) c[j][v] -= row[v] * b[j];
+    }
+    if constexpr (finish == Finish::solve) {
+#pragma GCC unroll 8
+      for (int j = 0; j < columns; ++j) {
+#pragma GCC unroll 3
+        for (int v = 0; v < vectors; ++v) c[j][v] *= tile.reciprocal[j];
+#pragma GCC unroll 8
+        for (int l = j + 1; l < columns; ++l)
+#pragma GCC unroll 3
+          for (int v = 0; v < vectors; ++v) c[l][v] -= c[j][v] * tile.triangle[j * tile.stride + l];
+      }
+    }
+    if constexpr (finish == Finish::factor) {
+#pragma GCC unroll 8
+      for (int j = 0; j < columns; ++j) {
+        const double pivot = c[j][0][j];
+        if (!(pivot > 0)) return false;
+        tile.reciprocal[j] = 1 / __builtin_sqrt(pivot);
+        c[j][0] *= tile.reciprocal[j];
+#pragma GCC unroll 8
+        for (int l = j + 1; l < columns; ++l) c[l][0] -= c[j][0] * c[j][0][l];
+      }
+    }
+#pragma GCC unroll 8
+    for (int j = 0; j < columns; ++j)
+#pragma GCC unroll 3
+      for (int v = 0; v < vectors; ++v) store(c[j][v], tile.C + j * tile.C_stride + v * lanes);
+    return true;
+  }
+
+  template <int vectors, Finish finish>
+  static bool run(int columns, const Tile& tile) noexcept {
+    if constexpr (lanes > 4) {
+      switch (columns) {
+        case 8:
+          return run<vectors, 8, finish>(tile);
+        case 7:
+          return run<vectors, 7, finish>(tile);
+        case 6:
+          return run<vectors, 6, finish>(tile);
+        case 5:
+          return run<vectors, 5, finish>(tile);
+        default:
+          break;
+      }
+    }
+    if constexpr (lanes > 2) {
+      if (columns == 4) return run<vectors, 4, finish>(tile);
+      if (columns == 3) return run<vectors, 3, finish>(tile);
+    }
+    return columns == 2 ? run<vectors, 2, finish>(tile) : run<vectors, 1, finish>(tile);
+  }
+
+  template <Finish finish>
+  static bool run(int vectors, int columns, const Tile& tile) noexcept {
+    if (vectors == 3) return run<3, finish>(columns, tile);
+    return vectors == 2 ? run<2, finish>(columns, tile) : run<1, finish>(columns, tile);
+  }
+
+  static int lesser(int a, int b) noexcept { return a < b ? a : b; }
+  static int greater(int a, int b) noexcept { return a < b ? b : a; }
+
+  static bool factor_panel(double* P, std::ptrdiff_t stride, int height, int width,
+                           double* reciprocal) noexcept {
+    const auto tile_at = [&](int row, int column) {
+      double* C = P + row + column * stride;
+      return Tile{P + row,
+                  P + column,
+                  stride,
+                  column,
+                  C,
+                  stride,
+                  false,
+                  P + column + column * stride,
+                  reciprocal + column};
+    };
+    const int triangle_end = (width + lanes - 1) / lanes * lanes;
+    for (int column = 0; column < width; column += lanes) {
+      const int columns = lesser(lanes, width - column);
+      if (!run<1, Finish::factor>(columns, tile_at(column, column))) return false;
+      for (int row = column + lanes; row < triangle_end; row += most_vectors * lanes)
+        run<Finish::solve>(lesser(most_vectors, (triangle_end - row) / lanes), columns, tile_at(row, column));
+    }
+    // Row by row of tiles, so that a row of L21 stays near while L11 passes by.
+    for (int row = triangle_end; row < height; row += most_vectors * lanes)
+      for (int column = 0; column < width; column += lanes)
+        run<Finish::solve>(lesser(most_vectors, (height - row) / lanes), lesser(lanes, width - column),
+                           tile_at(row, column));
+    return true;
+  }
+
+  static void subtract_square(const double* P, std::ptrdiff_t stride, int height, int width, int size,
+                              double* square, std::ptrdiff_t square_stride, bool fresh) noexcept {
+    const int origin = square_origin(width);
+    const int first = width / lanes * lanes;
+    for (int row = first; row < height; row += most_vectors * lanes) {
+      const int end = lesser(height, row + most_vectors * lanes);
+      for (int block = first; block < lesser(end, size); block += lanes) {
+        const int column = greater(block, width);
+        const int top = greater(row, block);
+        double* C = square + (top - origin) + (column - width) * square_stride;
+        const Tile tile{P + top, P + column, stride, width, C, square_stride, fresh, nullptr, nullptr};
+        run<Finish::none>((end - top) / lanes, lesser(block + lanes, size) - column, tile);
+      }
+    }
+  }
+};
+
+}  // namespace
+}  // namespace hapticd
