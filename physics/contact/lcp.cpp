@@ -34,7 +34,7 @@ class Pivoting {
     z_.setZero();
     for (int i = 0; i < n_; ++i) ws_.w[i] = q_[i];
     add_correction();
-    noise_z_ = add_correction();
+    add_correction();
   }
 
   // w = (W + εD) z + q.
@@ -59,7 +59,7 @@ class Pivoting {
       z_scale = std::max(z_scale, std::abs(z_[i]));
       weighted += std::sqrt(ws_.diagonal[i]) * std::abs(z_[i]);
     }
-    const double z_noise = 4 * noise_z_ + 4 * unit_roundoff * z_scale;
+    const double z_noise = 4 * unit_roundoff * z_scale;
     int count = 0;
     for (int i = 0; i < n_; ++i) {
       const bool bad = active_[i] ? z_[i] < -z_noise : ws_.w[i] < -w_noise(i, weighted);
@@ -163,20 +163,14 @@ class Pivoting {
     ws_.cached_rows = n_;
   }
 
-  // z_F −= (W + εD)_FF⁻¹ w_F, and w follows; returns the largest change.
-  double add_correction() noexcept {
+  // z_F −= (W + εD)_FF⁻¹ w_F, and w follows.
+  void add_correction() noexcept {
     size_ = 0;
     for (int i = 0; i < n_; ++i)
       if (active_[i]) ws_.packed[size_++] = -ws_.w[i];
     cholesky_solve(ws_.factor.data(), size_, ws_.packed.data());
-    double largest = 0;
-    for (int k = 0; k < size_; ++k) {
-      const double dz = ws_.packed[k];
-      largest = std::max(largest, std::abs(dz));
-      z_[ws_.index[k]] += dz;
-    }
+    for (int k = 0; k < size_; ++k) z_[ws_.index[k]] += ws_.packed[k];
     compute_w();
-    return largest;
   }
 
   const Eigen::Ref<const MatX>& W_;
@@ -187,7 +181,6 @@ class Pivoting {
   int n_;
   double epsilon_;
   double q_scale_ = 0;
-  double noise_z_ = 0;
   int size_ = 0;
   bool rigid_ = false;
 };

@@ -8,8 +8,9 @@
 // and lower ½ zᵀ(W + εD)z + qᵀz each time, which is finite because W + εD is positive definite, also
 // where W is rank-deficient (Lawson and Hanson 1974, ch. 23). Departure: not Murty's least-index rule,
 // which is finite too, but takes more than 1000 pivots on 64 sample points of 20 surface nodes.
-// What counts as infeasible is measured, not chosen: each solve of the active block takes one step of
-// iterative refinement, whose size is the noise of z; the noise of w is that of its sums.
+// Each solve of the active block takes one step of iterative refinement. What counts as infeasible is beyond
+// rounding: of w, that of its sums; of z, that of its largest entry, though in W's null space z is known to
+// ε⁻¹ times that only: an entry that is negative by less is open, not cut, or w would move by as much.
 // Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
 // Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
