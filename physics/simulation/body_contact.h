@@ -14,15 +14,15 @@
 // nothing of this is frozen: bodies and instrument are solved as one problem (`solve_with`).
 // Recovery: a node found inside is let out at no more than v = `recovery_speed`, so that deep penetration
 // ends without a burst; `allowed` is 0 for all that were outside.
+// Working set: of some two hundred contacts within reach a dozen close. Solved are those that carried force (if
+// none: those that free motion closes); then every other is looked at under the forces found, and those that
+// overlap by a nanometre join, until none does: the same solution for a small part of the work.
 // Capacity: max_body_contacts touches. Over it, touches that carried force come first, then the deepest
 // (before the first solve: in free motion); `dropped` counts the others that overlap where the solve has left
-// them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row. Of some two hundred
-// contacts within reach a dozen close. Solved are those that carried force (if none: those that free motion
-// closes); then every other is looked at under the forces found, and those that overlap join, until none does: the
-// same solution, for a small part of the work. Newton's third law holds by construction: λ acts on the node,
-// −w_c λ on the face's corners. Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status;
-// the best iterate is used. Allocates: for the simulation thread only. Source: as contact/rows.h; the Schur
-// complement is ours.
+// them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row.
+// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners.
+// Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status; the best iterate is used.
+// Allocates: for the simulation thread only. Source: as contact/rows.h; the Schur complement is ours.
 #pragma once
 
 #include <memory>
