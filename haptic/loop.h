@@ -26,6 +26,7 @@
 #include "haptic/haptic_step.h"
 #include "haptic/loop_statistics.h"
 #include "haptic/spsc_queue.h"
+#include "haptic/tuning.h"
 
 namespace hapticd {
 
@@ -75,6 +76,10 @@ class HapticLoop {
   // about 0.1 ms. Before start; the channel must outlive the loop.
   void capture_into(Channel<ContactCapture>& captures, std::uint64_t every);
 
+  // Takes new limits and scales from the channel, and goes over to them within a second. Before start; the channel
+  // must outlive the loop, which alone reads it.
+  void retune_from(Channel<DeviceTuning>& tunings) noexcept { tunings_ = &tunings; }
+
   // on_thread runs on the new thread before its first tick: the place for priority and affinity.
   void start(std::function<void()> on_thread = {});
   // Returns after the last tick; the last force written is zero and disarmed. Idempotent.
@@ -93,12 +98,14 @@ class HapticLoop {
   void count_page_faults(const ForceSample& force) noexcept;
 
   const Instrument& instrument_;
-  const DeviceSettings device_;
+  DeviceSettings device_;  // the loop's thread alone changes it
   const HapticOptions options_;
   DevicePort& port_;
   Channel<CondensedProblem>& problems_;
   Channel<InstrumentInput>& instrument_inputs_;
   SpscQueue<ForceRecord>& history_;
+  Channel<DeviceTuning>* tunings_ = nullptr;
+  TuningRamp ramp_;
   Channel<ContactCapture>* captures_ = nullptr;
   std::uint64_t capture_every_ = 0;
   std::uint64_t solves_ = 0;

@@ -4,14 +4,11 @@
 
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "haptic/allocation_count.h"
 
 namespace hapticd {
 namespace {
-
-int last_core() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())) - 1; }
 
 std::vector<Grant> process_grants() { return {keep_malloc_pages(), lock_memory()}; }
 
@@ -28,7 +25,8 @@ double resident_mb() {
 Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
     : scene_(scene),
       grants_(process_grants()),
-      realtime_core_(last_core()),
+      realtime_core_(process_cores().back()),
+      simulation_core_(process_cores().front()),
       on_realtime_core_(std::in_place, realtime_core_),
       domain_(options.domain, default_dds_profile()),
       participant_(domain_, options.security) {
@@ -37,7 +35,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
     const bool first = stations_.empty();
     stations_.push_back(std::make_unique<Station>(
         scene, device, participant_,
-        StationOptions{options.mode, realtime_core_, first, first ? options.record : std::nullopt,
+        StationOptions{options.mode, realtime_core_, simulation_core_, first, first ? options.record : std::nullopt,
                        first ? options.capture : std::nullopt, options.capture_every}));
   };
   add(scene.device);
@@ -71,6 +69,17 @@ std::string Daemon::failure() const {
   for (const auto& station : stations_)
     if (station->failed()) return station->failure();
   return {};
+}
+
+std::string Daemon::metrics() const {
+  ProcessMetrics process;
+  process.version = HAPTICD_VERSION;
+  process.resident_bytes = 1e6 * resident_mb();
+  process.uptime_s = 1e-9 * static_cast<double>(monotonic_ns() - made_ns_);
+  for (const Grant& g : grants_) process.grants_refused += !g.granted;
+  std::vector<MetricsSource> devices;
+  for (const auto& station : stations_) devices.push_back(station->metrics());
+  return prometheus_text(process, devices);
 }
 
 nlohmann::json Daemon::summary() const {

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "server/metrics.h"
 #include "server/station.h"
 
 namespace hapticd {
@@ -43,13 +44,17 @@ class Daemon {
   // Figures of the run so far; keys as tools/demo's summary uses them. The first device's at the top level,
   // the others' under more_devices.
   nlohmann::json summary() const;
+  // The same counters for a monitoring system; any thread, after start.
+  std::string metrics() const;
   const std::vector<std::unique_ptr<Station>>& stations() const noexcept { return stations_; }
 
  private:
   const Scene& scene_;
+  const std::int64_t made_ns_ = monotonic_ns();
   std::vector<Grant> grants_;
   CpuLatency latency_;
-  int realtime_core_;
+  // The last and the first of those that the process may use.
+  int realtime_core_, simulation_core_;
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;

@@ -10,7 +10,7 @@
 namespace hapticd {
 
 std::string read_dds_profile(const std::string& name) {
-  const std::filesystem::path file = config_directory() / "dds" / (name + ".xml");
+  const std::filesystem::path file = config_file(std::filesystem::path("dds") / (name + ".xml"));
   std::ifstream in(file);
   if (!in) throw std::runtime_error("cannot read the DDS profile " + file.string());
   return {std::istreambuf_iterator<char>(in), {}};

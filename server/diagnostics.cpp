@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/contact_capture_file.h"
+#include "server/log.h"
 #include "server/realtime.h"
 
 namespace hapticd {
@@ -126,7 +127,7 @@ void Diagnostics::write_capture_if_new() noexcept {
     write_capture(capture_directory_ / name, *instrument_, captures_->front());
     captured_.store(captured() + 1, relaxed);
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "hapticd: no more captures: %s\n", e.what());
+    log(LogLevel::warning, "capture_failed", std::string("no more captures: ") + e.what());
     most_captures_ = 0;
   }
 }

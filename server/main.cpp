@@ -1,19 +1,26 @@
-// hapticd SCENE.yaml: reads, checks, starts, waits for a signal, stops, reports.
+// hapticd SCENE.yaml: reads, checks, starts, serves until a signal, stops, reports.
 #include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <fstream>
 #include <iostream>
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "server/daemon.h"
 #include "server/input_error.h"
+#include "server/log.h"
+#include "server/metrics_server.h"
+#include "server/notify.h"
 #include "server/plan.h"
 #include "server/realtime.h"
+#include "server/reload.h"
 #include "server/scene_describe.h"
 #include "server/scene_reader.h"
+#include "server/service.h"
 
 namespace {
 
@@ -28,7 +35,7 @@ struct Arguments {
   bool test_hooks = false;
   double duration = 0;
   std::uint32_t domain = 0;
-  std::string device, record, capture, json, secure;
+  std::string device, record, capture, json, secure, log, metrics;
   std::uint64_t capture_every = 0;
   std::vector<std::string> also;
 };
@@ -37,7 +44,8 @@ void define(CLI::App& app, Arguments& a) {
   app.footer("Example:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json");
   app.set_version_flag("--version", std::string("hapticd ") + HAPTICD_VERSION);
   app.add_option("scene", a.scene, "The scene, a YAML file (config/README.md tells its keys)")->required();
-  app.add_flag("--check", a.check, "Read everything, try and print the plan, start nothing; exit code 2 on an error");
+  app.add_flag("--check", a.check,
+               "Read everything, try and print the plan, start nothing; exit code 2 on an error");
   app.add_option("--duration", a.duration, "Stop by itself after so many seconds; 0: run until a signal")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
@@ -54,12 +62,20 @@ void define(CLI::App& app, Arguments& a) {
                  "Instead of the scene's haptic.mode: a force each millisecond (tick), or for "
                  "each device state (event)")
       ->check(CLI::IsMember({"tick", "event"}));
-  app.add_option("--json", a.json,
-                 "Write the run's figures to this file at the end, and at each SIGUSR1; with --check the plan");
+  app.add_option(
+      "--json", a.json,
+      "Write the run's figures to this file at the end, and at each SIGUSR1; with --check the plan");
+  app.add_option("--log", a.log,
+                 "Lines for a person (human) or a program (json); default: human on a terminal")
+      ->check(CLI::IsMember({"human", "json"}));
+  app.add_option("--metrics", a.metrics,
+                 "Answer Prometheus on this loopback port, at /metrics; also 127.0.0.1:PORT, [::1]:PORT")
+      ->type_name("PORT")
+      ->check(metrics_address_fault);
   app.add_flag(
       "--test-hooks", a.test_hooks,
       "For tests alone: SIGRTMIN with a value holds the simulation so many ms, SIGRTMIN+1 makes its next "
-      "problem not finite");
+      "problem not finite, SIGUSR2 holds the thread that it is sent to for 1.5 s");
   app.add_option("--secure", a.secure,
                  "Admit nobody without a certificate: DIR from config/dds/security/make_keys.sh")
       ->type_name("DIR");
@@ -72,6 +88,7 @@ sigset_t block_signals() {
   sigaddset(&set, SIGINT);
   sigaddset(&set, SIGTERM);
   sigaddset(&set, SIGUSR1);
+  sigaddset(&set, SIGHUP);
   sigaddset(&set, SIGRTMIN);
   sigaddset(&set, SIGRTMIN + 1);
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
@@ -90,28 +107,10 @@ void write_json(const std::string& file, const auto& json) {
 
 void write_figures(const Daemon& daemon, const std::string& file) { write_json(file, daemon.summary()); }
 
-// The test hooks, for all devices alike.
-void hold(const Daemon& daemon, int milliseconds) {
-  for (const auto& station : daemon.stations())
-    station->simulation().hold(std::int64_t{1'000'000} * milliseconds);
-}
-void poison(const Daemon& daemon) {
-  for (const auto& station : daemon.stations()) station->simulation().poison();
-}
-
-// Waits for a signal that ends it, the end of `duration`, or a failure of the daemon.
-void wait_for_end(const sigset_t& signals, const Arguments& a, Daemon& daemon) {
-  const timespec slice{0, 100'000'000};
-  const std::int64_t end = a.duration > 0 ? monotonic_ns() + std::llround(1e9 * a.duration) : INT64_MAX;
-  while (monotonic_ns() < end && !daemon.failed()) {
-    siginfo_t info{};
-    const int number = sigtimedwait(&signals, &info, &slice);
-    if (number == SIGINT || number == SIGTERM) return;
-    if (number == SIGUSR1 && !a.json.empty()) write_figures(daemon, a.json);
-    if (!a.test_hooks) continue;
-    if (number == SIGRTMIN) hold(daemon, info.si_value.sival_int);
-    if (number == SIGRTMIN + 1) poison(daemon);
-  }
+// A test hook: the thread that gets the signal stands.
+void stand_still(int) {
+  const timespec time{1, 500'000'000};
+  nanosleep(&time, nullptr);
 }
 
 // What was refused, and what that means.
@@ -119,31 +118,53 @@ void announce(const std::vector<Grant>& grants) {
   bool degraded = false;
   for (const Grant& g : grants) {
     if (g.granted) continue;
-    std::cerr << "hapticd: not granted: " << g.what << ": " << g.detail << '\n';
+    log(LogLevel::warning, "not_granted", "not granted: " + g.what + ": " + g.detail,
+        {{"what", g.what}, {"detail", g.detail}});
     degraded = true;
   }
-  if (degraded) std::cerr << "hapticd: degraded: everything works, but other programs can make forces late\n";
+  if (degraded)
+    log(LogLevel::warning, "degraded", "degraded: everything works, but other programs can make forces late");
+}
+
+void announce(const Plan& plan, bool human) {
+  if (human)
+    std::cout << describe(plan) << std::flush;
+  else
+    log(LogLevel::info, "plan", "the plan", to_json(plan));
+}
+
+int check(const Arguments& a, const Scene& scene) {
+  const Plan plan = make_plan(scene);
+  std::cout << describe(plan.scene) << describe(plan);
+  if (!a.json.empty()) write_json(a.json, to_json(plan));
+  return 0;
+}
+
+bool logs_for_a_person(const Arguments& a) {
+  return a.log.empty() ? a.check || isatty(STDERR_FILENO) : a.log == "human";
 }
 
 int run(const Arguments& a) {
+  const Notifier notifier;
+  const bool human = logs_for_a_person(a);
+  set_log_format(human ? LogFormat::human : LogFormat::json);
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
+  set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
   std::optional<Security> security;
   if (!a.secure.empty()) security = security_files(a.secure, "daemon");
-  // Large blocks come from the heap from here on, as in the run: their page faults would be half a step's cost.
+  // Large blocks come from the heap from here on, as in the run: their page faults would be half a step's
+  // cost.
   keep_malloc_pages();
-  if (a.check) {
-    const Plan plan = make_plan(scene);
-    std::cout << describe(plan.scene) << describe(plan);
-    if (!a.json.empty()) write_json(a.json, to_json(plan));
-    return 0;
-  }
+  if (a.check) return check(a, scene);
+  Reloader reloader(scene, a.device, a.also);
   if (scene.plans) {
     Plan plan = make_plan(scene);
-    std::cout << describe(plan);
+    announce(plan, human);
     scene = std::move(plan.scene);
   }
   const sigset_t signals = block_signals();
+  if (a.test_hooks) std::signal(SIGUSR2, stand_still);
   const LoopMode mode = a.mode.empty()      ? scene.haptic_mode
                         : a.mode == "event" ? LoopMode::event
                                             : LoopMode::tick;
@@ -153,9 +174,22 @@ int run(const Arguments& a) {
   Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security});
   daemon.start();
   announce(daemon.grants());
-  std::cout << "hapticd: ready, domain " << a.domain << (security ? ", secured" : "") << std::endl;
+  std::optional<MetricsServer> metrics;
+  if (!a.metrics.empty()) {
+    metrics.emplace(a.metrics, [&daemon] { return daemon.metrics(); });
+    const std::string where = std::to_string(metrics->port());
+    log(LogLevel::info, "metrics", "metrics on port " + where, {{"port", metrics->port()}});
+  }
+  const std::string ready = ready_text(a.domain, security.has_value());
+  log(LogLevel::info, "ready", ready,
+      {{"domain", a.domain}, {"scene", scene.name}, {"version", HAPTICD_VERSION}});
+  notifier.ready(ready);
 
-  wait_for_end(signals, a, daemon);
+  ServiceOptions service{.duration = a.duration, .test_hooks = a.test_hooks, .figures = {}};
+  if (!a.json.empty()) service.figures = [&] { write_figures(daemon, a.json); };
+  Service(daemon, reloader, notifier, signals, service).run();
+  notifier.stopping();
+  log(LogLevel::info, "stopping", "stopping");
   daemon.stop();
   if (!a.json.empty()) write_figures(daemon, a.json);
   if (daemon.failed()) throw std::runtime_error("the simulation stopped: " + daemon.failure());
@@ -177,10 +211,11 @@ int main(int argc, char** argv) {
   try {
     return run(arguments);
   } catch (const InputError& e) {
-    std::cerr << "hapticd: " << e.what() << '\n';
+    log(LogLevel::error, "input", e.what(),
+        {{"file", e.file().string()}, {"line", e.line()}, {"key", e.key()}});
     return input_error;
   } catch (const std::exception& e) {
-    std::cerr << "hapticd: " << e.what() << '\n';
+    log(LogLevel::error, "failed", e.what());
     return run_error;
   }
 }

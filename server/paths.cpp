@@ -8,15 +8,36 @@
 
 namespace hapticd {
 
-std::filesystem::path config_directory() {
+namespace {
+
+namespace fs = std::filesystem;
+
+const char* set_by_user() {
   const char* set = std::getenv("HAPTICD_CONFIG_DIR");
-  return set && *set ? std::filesystem::path(set) : std::filesystem::path(HAPTICD_CONFIG_DIR);
+  return set && *set ? set : nullptr;
+}
+
+}  // namespace
+
+fs::path config_directory() {
+  if (const char* set = set_by_user()) return set;
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  // Without the links in it, so that what lies beside the configuration is found too.
+  const fs::path near = fs::canonical(program.parent_path() / "../share/hapticd", error);
+  return !error && fs::is_directory(near, error) ? near : fs::path(HAPTICD_CONFIG_DIR);
+}
+
+fs::path config_file(const fs::path& relative) {
+  std::error_code error;
+  const fs::path own = fs::path(HAPTICD_LOCAL_CONFIG_DIR) / relative;
+  return !set_by_user() && fs::exists(own, error) ? own : config_directory() / relative;
 }
 
 std::filesystem::path device_path(const std::string& name_or_path, const std::filesystem::path& base) {
   const std::filesystem::path given(name_or_path);
   if (given.has_parent_path() || given.has_extension()) return given.is_absolute() ? given : base / given;
-  return config_directory() / "devices" / (name_or_path + ".yaml");
+  return config_file(fs::path("devices") / (name_or_path + ".yaml"));
 }
 
 std::string read_bytes(const std::filesystem::path& file) {

@@ -37,7 +37,7 @@ int set_cores(const std::vector<int>& cores) noexcept {
   return pthread_setaffinity_np(pthread_self(), sizeof set, &set);
 }
 
-std::vector<int> present_cores() {
+std::vector<int> cores_of_thread() {
   cpu_set_t set;
   CPU_ZERO(&set);
   std::vector<int> cores;
@@ -48,6 +48,11 @@ std::vector<int> present_cores() {
 }
 
 }  // namespace
+
+std::vector<int> process_cores() {
+  const std::vector<int> cores = cores_of_thread();
+  return cores.empty() ? std::vector<int>{0} : cores;
+}
 
 bool realtime_allowed() {
   int error = 0;
@@ -95,7 +100,7 @@ void prefault_stack() noexcept {
   touched[bytes - 1] = touched[0];
 }
 
-ScopedCore::ScopedCore(int core) : before_(present_cores()), grant_(use_core(core)) {}
+ScopedCore::ScopedCore(int core) : before_(cores_of_thread()), grant_(use_core(core)) {}
 
 ScopedCore::~ScopedCore() {
   if (grant_.granted) set_cores(before_);

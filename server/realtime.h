@@ -41,6 +41,9 @@ class CpuLatency {
   Grant grant_;
 };
 
+// The cores that this process may use, in rising order; never empty.
+std::vector<int> process_cores();
+
 // Calling thread.
 void name_thread(const char* name) noexcept;  // as ps and top show it; 15 characters
 Grant use_fifo(int priority);

@@ -64,6 +64,7 @@ struct Scene {
   std::string device_name;
   double device_stiffness = 0;  // largest the device displays stably [N/m]
   std::filesystem::path device_file;
+  std::string log_level = "info";  // what is below is not said
   bool ros2 = false;               // mirror topics for ROS 2
   std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
 };

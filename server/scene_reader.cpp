@@ -154,7 +154,7 @@ void add_device(Scene& scene, const std::string& name) {
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
   yaml.only({"scene", "model", "accuracy", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "haptic", "device",
-             "mapping", "more_devices", "trajectory", "ros2"});
+             "mapping", "more_devices", "trajectory", "ros2", "logging"});
   Scene scene;
   scene.file = file;
   scene.name = yaml.text("scene");
@@ -199,6 +199,12 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
       scene.more_devices.push_back(read_further_device(entry, scene));
 
   scene.ros2 = yaml.flag("ros2", false);
+  if (yaml.has("logging")) {
+    const YamlMap logging = yaml.map("logging");
+    logging.only({"level"});
+    logging.choice("level", {"debug", "info", "warning", "error"});
+    scene.log_level = logging.text("level");
+  }
   if (yaml.has("trajectory")) {
     scene.trajectory = yaml.folder() / yaml.text("trajectory");
     if (!std::filesystem::is_regular_file(*scene.trajectory))

@@ -3,6 +3,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "server/log.h"
 #include "server/scene_world.h"
 
 namespace hapticd {
@@ -31,6 +32,7 @@ Station::Station(const Scene& scene, const DeviceSettings& device, const Partici
               LoopTiming{.mode = options.mode}),
       diagnostics_(participant, scene, haptic_.statistics(), snapshots_, history_, options.record,
                    DiagnosticsScope{device.id, options.shows_scene}) {
+  haptic_.retune_from(tunings_);
   if (options.capture) {
     haptic_.capture_into(captures_, options.capture_every);
     diagnostics_.write_captures(captures_, scene.instrument, *options.capture);
@@ -43,13 +45,14 @@ Station::~Station() { stop(); }
 
 std::vector<Grant> Station::start_loops() {
   // With one core there is nothing to keep apart.
-  if (options_.realtime_core > 0)
-    simulation_.start([] { use_core(0); });
+  if (options_.realtime_core != options_.simulation_core)
+    simulation_.start([core = options_.simulation_core] { use_core(core); });
   else
     simulation_.start();
   std::promise<std::vector<Grant>> granted;
   haptic_.start([&granted, core = options_.realtime_core] {
     name_thread("haptic");
+    no_log_from_this_thread();
     prefault_stack();
     granted.set_value({use_core(core), use_fifo(haptic_priority)});
   });
@@ -58,10 +61,48 @@ std::vector<Grant> Station::start_loops() {
 
 void Station::start_diagnostics(const std::vector<Grant>& grants) { diagnostics_.start(grants); }
 
+void Station::retune(const DeviceTuning& tuning) noexcept {
+  tunings_.back() = tuning;
+  tunings_.publish();
+}
+
 void Station::stop() noexcept {
   haptic_.stop();
   simulation_.stop();
   diagnostics_.stop();
+}
+
+MetricsSource Station::metrics() const {
+  constexpr auto relaxed = std::memory_order_relaxed;
+  const LoopStatistics& h = haptic_.statistics();
+  const SimulationStatistics& s = simulation_.statistics();
+  MetricsSource m;
+  m.device_id = device_.id;
+  m.ticks = h.run.load(relaxed);
+  m.armed = m.ticks > 0 && (h.status.load(relaxed) & status_disarmed) == 0;
+  m.wake = h.wake.snapshot();
+  m.solve = h.solve.snapshot();
+  m.state_age = h.state_age.snapshot();
+  m.problem_age = h.problem_age.snapshot();
+  m.step = s.step.snapshot();
+  m.missed = h.missed.load(relaxed);
+  m.deadline_misses = h.deadline_misses.load(relaxed);
+  m.answered = h.answered.load(relaxed);
+  m.rejected = h.refused.load(relaxed);
+  m.conflicts = h.conflicts.load(relaxed);
+  m.solver_caps = h.solver_caps.load(relaxed);
+  m.steps = s.steps.load(relaxed);
+  m.overruns = s.overruns.load(relaxed);
+  m.removed = s.removed.load(relaxed);
+  m.aspirated = s.aspirated.load(relaxed);
+  m.bases = s.bases.load(relaxed);
+  m.bases_failed = s.bases_failed.load(relaxed);
+  m.page_faults = h.page_faults.load(relaxed);
+  m.recording_dropped = history_.dropped();
+  m.simulation_rate_hz = s.rate_hz();
+  m.force_peak_n = h.force_peak.load(relaxed);
+  m.penetration_max_m = h.penetration_max.load(relaxed);
+  return m;
 }
 
 nlohmann::json Station::summary() const {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "server/device_bridge.h"
+#include "server/metrics.h"
 #include "server/realtime.h"
 #include "server/simulation_loop.h"
 
@@ -22,7 +23,8 @@ namespace hapticd {
 
 struct StationOptions {
   LoopMode mode = LoopMode::tick;
-  int realtime_core = 0;    // of the haptic thread; the simulation's is core 0 where this is another
+  int realtime_core = 0;    // of the haptic thread
+  int simulation_core = 0;  // where it is another
   bool shows_scene = true;  // publishes geometry and updates: the first station does
   std::optional<std::filesystem::path> record;
   std::optional<std::filesystem::path> capture;  // a directory for contact problems
@@ -45,6 +47,15 @@ class Station {
 
   bool failed() const noexcept { return simulation_.failed(); }
   const std::string& failure() const noexcept { return simulation_.failure(); }
+  // New limits and scales for the haptic thread, which goes over to them within a second. One thread alone.
+  void retune(const DeviceTuning& tuning) noexcept;
+
+  std::uint32_t device_id() const noexcept { return device_.id; }
+  DeviceTuning started_with() const noexcept { return tuning_of(device_); }
+  const LoopStatistics& haptic_statistics() const noexcept { return haptic_.statistics(); }
+  const SimulationStatistics& simulation_statistics() const noexcept { return simulation_.statistics(); }
+  std::uint64_t recording_dropped() const noexcept { return history_.dropped(); }
+  MetricsSource metrics() const;
   SimulationLoop& simulation() noexcept { return simulation_; }  // for its test hooks
   nlohmann::json summary() const;
 
@@ -57,6 +68,7 @@ class Station {
   Channel<InstrumentInput> instrument_;
   Channel<SceneSnapshot> snapshots_;
   Channel<ContactCapture> captures_;
+  Channel<DeviceTuning> tunings_;
   SpscQueue<ForceRecord> history_;
   SimulationLoop simulation_;
   HapticLoop haptic_;

@@ -53,8 +53,13 @@ int run_program(const std::vector<std::string>& words) {
   return WEXITSTATUS(status);
 }
 
+std::filesystem::path script_file(const std::string& name) {
+  const std::filesystem::path installed = config_directory() / "scripts" / name;
+  return std::filesystem::exists(installed) ? installed : config_directory().parent_path() / "tools" / name;
+}
+
 void draw(const std::string& script, const std::string& data, const std::string& picture) {
-  const std::string file = (config_directory().parent_path() / "tools" / script).string();
+  const std::string file = script_file(script).string();
   if (!std::filesystem::exists(file)) throw std::runtime_error(file + ": not there, so nothing is drawn");
   if (run_program({"/usr/bin/python3", file, data, picture}) != 0)
     throw std::runtime_error(picture + ": could not be drawn; python3-matplotlib is needed");

@@ -4,6 +4,7 @@
 // drawn.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,10 @@ const std::vector<std::string>& lens_names();
 // With the cataract scene's material, held at its zonule.
 TissueModel read_lens(const std::string& name);
 
-// Runs tools/SCRIPT with Debian's python on these files. The scripts lie beside the configuration.
+// Where a script lies: with the installed configuration, else in the source's tools/.
+std::filesystem::path script_file(const std::string& name);
+
+// Runs SCRIPT with Debian's python on these files.
 void draw(const std::string& script, const std::string& data, const std::string& picture);
 
 // Runs a program and waits. Returns its exit code; −1 when it could not be started or was ended by a signal.

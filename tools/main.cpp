@@ -11,11 +11,14 @@ int main(int argc, char** argv) {
   CLI::App application{"Clients of hapticd, the haptic server for soft tissue that is being cut."};
   application.name("haptic");
   application.require_subcommand(1);
+  application.set_version_flag("--version", std::string("haptic ") + HAPTICD_VERSION);
+  application.set_help_all_flag("--help-all", "Print the help of every subcommand and exit");
   application.footer(
       "Example: haptic replay config/scenes/cataract/stroke.csv --json figures.json\n"
       "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
-  const Command commands[] = {add_replay(application), add_hand(application), add_chart(application),
-                              add_soak(application), add_abuse(application), add_mesh(application)};
+  const Command commands[] = {add_replay(application), add_hand(application),  add_chart(application),
+                              add_soak(application),   add_abuse(application), add_mesh(application),
+                              add_doctor(application)};
   try {
     application.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

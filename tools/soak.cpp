@@ -16,6 +16,7 @@
 #include "server/paths.h"
 #include "server/realtime.h"
 #include "server/scene_reader.h"
+#include "tools/chart.h"
 #include "tools/child.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -170,7 +171,7 @@ int soak(SoakOptions options) {
   if (!options.out.empty()) {
     const std::string file = (fs::path(options.out) / "soak.json").string();
     write_json(file, json);
-    Child plot({.command = {"/usr/bin/python3", (config_directory() / "../tools/plot_soak.py").string(), file,
+    Child plot({.command = {"/usr/bin/python3", script_file("plot_soak.py").string(), file,
                             (fs::path(options.out) / "soak.png").string()},
                 .output = (scratch / "plot.txt").string()});
     if (plot.wait(60) != 0)

@@ -1,0 +1,14 @@
+// A device driver outside the source tree: it links hapticd::driver, and nothing of the simulation.
+#include <cstdio>
+
+#include <tools/driver/driver.h>
+
+struct Still final : hapticd::HapticDevice {
+  bool read(hapticd::Reading&) override { return false; }  // no device: the driver ends
+  void write(const hapticd::Feel&) override {}
+};
+
+int main() {
+  Still device;
+  std::printf("a driver of %zu bytes\n", sizeof device);
+}

@@ -1,0 +1,102 @@
+# What `cmake --install` puts where, as a Debian package has it (GNUInstallDirs), in two components: `runtime`
+# (programs, configuration, unit, manual) and `development` (libraries, headers, CMake package). tools/package makes
+# a .deb of each.
+set(HERE ${PROJECT_SOURCE_DIR}/tools/packaging)
+set(DATA ${CMAKE_INSTALL_DATADIR}/hapticd)
+set(HEADERS ${CMAKE_INSTALL_INCLUDEDIR}/hapticd)
+
+# Programs.
+install(TARGETS hapticd haptic_tool RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
+install(DIRECTORY config/scenes config/devices config/charts config/dds DESTINATION ${DATA} COMPONENT runtime
+        USE_SOURCE_PERMISSIONS PATTERN "*.pem" EXCLUDE PATTERN "*.key" EXCLUDE)
+file(GLOB SCRIPTS CONFIGURE_DEPENDS tools/plot_*.py tools/chart_report.py)
+install(FILES ${SCRIPTS} DESTINATION ${DATA}/scripts COMPONENT runtime)
+install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
+install(FILES config/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/config COMPONENT runtime)
+install(FILES ${HERE}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
+install(FILES ${HERE}/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+        RENAME haptic COMPONENT runtime)
+install(FILES ${HERE}/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+        RENAME hapticd COMPONENT runtime)
+
+# The service. /etc is /etc only below /usr.
+if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+  set(ETC ${CMAKE_INSTALL_FULL_SYSCONFDIR})
+else()
+  set(ETC ${CMAKE_INSTALL_SYSCONFDIR})
+endif()
+configure_file(config/service/hapticd.service.in ${CMAKE_BINARY_DIR}/hapticd.service @ONLY)
+configure_file(config/service/hapticd.default.in ${CMAKE_BINARY_DIR}/hapticd.default @ONLY)
+install(FILES ${CMAKE_BINARY_DIR}/hapticd.service DESTINATION lib/systemd/system COMPONENT runtime)
+install(FILES config/service/60-hapticd.rules DESTINATION lib/udev/rules.d COMPONENT runtime)
+install(FILES ${CMAKE_BINARY_DIR}/hapticd.default DESTINATION ${ETC}/default RENAME hapticd COMPONENT runtime)
+
+# Manual pages, of what the programs say of themselves.
+find_program(HELP2MAN help2man)
+if(HELP2MAN)
+  set(MAN ${CMAKE_BINARY_DIR}/man)
+  file(MAKE_DIRECTORY ${MAN})
+  set(NO_INFO --no-info --section=1 --manual=hapticd --source=hapticd)
+  add_custom_command(OUTPUT ${MAN}/hapticd.1 DEPENDS hapticd ${HERE}/hapticd.h2m
+                     COMMAND ${HELP2MAN} ${NO_INFO} --include=${HERE}/hapticd.h2m --output=${MAN}/hapticd.1
+                             $<TARGET_FILE:hapticd>)
+  add_custom_command(OUTPUT ${MAN}/haptic.1 DEPENDS haptic_tool ${HERE}/haptic.h2m
+                     COMMAND ${HELP2MAN} ${NO_INFO} --help-option=--help-all --include=${HERE}/haptic.h2m
+                             --output=${MAN}/haptic.1 $<TARGET_FILE:haptic_tool>)
+  add_custom_target(man DEPENDS ${MAN}/hapticd.1 ${MAN}/haptic.1)
+  install(DIRECTORY ${MAN}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime FILES_MATCHING PATTERN "*.1")
+endif()
+
+# Libraries: hapticd::physics and hapticd::haptic, and hapticd::driver for devices.
+set_target_properties(hapticd_flags PROPERTIES EXPORT_NAME flags)
+set_target_properties(haptic_driver PROPERTIES EXPORT_NAME driver)
+install(TARGETS hapticd_flags physics haptic idl wire haptic_driver EXPORT hapticdTargets
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/hapticd COMPONENT development)
+install(DIRECTORY physics haptic DESTINATION ${HEADERS} COMPONENT development FILES_MATCHING PATTERN "*.h")
+install(FILES server/dds.h server/dds_security.h server/realtime.h DESTINATION ${HEADERS}/server COMPONENT development)
+install(FILES tools/driver/driver.h DESTINATION ${HEADERS}/tools/driver COMPONENT development)
+install(FILES ${CMAKE_BINARY_DIR}/device.h ${CMAKE_BINARY_DIR}/scene.h DESTINATION ${HEADERS}/idl COMPONENT development)
+install(FILES tools/driver/example_driver.cpp tools/driver/README.md
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhapticd-dev/driver COMPONENT development)
+install(FILES ${HERE}/copyright DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhapticd-dev COMPONENT development)
+
+include(CMakePackageConfigHelpers)
+set(PACKAGE ${CMAKE_INSTALL_LIBDIR}/cmake/hapticd)
+configure_package_config_file(${HERE}/hapticdConfig.cmake.in ${CMAKE_BINARY_DIR}/hapticdConfig.cmake
+                              INSTALL_DESTINATION ${PACKAGE})
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/hapticdConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(EXPORT hapticdTargets NAMESPACE hapticd:: DESTINATION ${PACKAGE} COMPONENT development)
+install(FILES ${CMAKE_BINARY_DIR}/hapticdConfig.cmake ${CMAKE_BINARY_DIR}/hapticdConfigVersion.cmake
+        DESTINATION ${PACKAGE} COMPONENT development)
+
+# Packages.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME hapticd)
+set(CPACK_PACKAGE_VENDOR hapticd)
+set(CPACK_PACKAGE_CONTACT "hapticd developers <hapticd@localhost>")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_COMPONENTS_ALL runtime development)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME hapticd)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS adduser)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS openssl)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "python3-matplotlib, rt-tests, cyclonedds-tools")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA "${HERE}/postinst;${HERE}/prerm;${HERE}/postrm;${HERE}/conffiles")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libhapticd-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libsuitesparse-dev, libopenblas-dev, libfcl-dev, \
+libccd-dev, liboctomap-dev, libboost-dev, cyclonedds-dev, cmake, pkg-config")
+set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "haptic server for soft tissue that is being cut
+ A daemon with two loops: co-rotational finite elements at 50 Hz, and their contact with an
+ instrument solved again at 1 kHz for each new pose of a haptic device, over DDS.
+ .
+ Compiled for x86-64-v3 (AVX2). The programs link CHOLMOD's parts under the GPL.")
+set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "haptic server for soft tissue: libraries and headers
+ Static libraries hapticd::physics, hapticd::haptic and hapticd::driver with their CMake package.")
+include(CPack)
