@@ -55,7 +55,10 @@ install(TARGETS hapticd_flags physics haptic idl wire haptic_driver EXPORT hapti
 install(DIRECTORY physics haptic DESTINATION ${HEADERS} COMPONENT development FILES_MATCHING PATTERN "*.h")
 install(FILES server/dds.h server/dds_security.h server/realtime.h DESTINATION ${HEADERS}/server COMPONENT development)
 install(FILES tools/driver/driver.h DESTINATION ${HEADERS}/tools/driver COMPONENT development)
-install(FILES ${CMAKE_BINARY_DIR}/device.h ${CMAKE_BINARY_DIR}/scene.h DESTINATION ${HEADERS}/idl COMPONENT development)
+install(CODE "execute_process(COMMAND ${CMAKE_COMMAND} -DFROM=${CMAKE_BINARY_DIR} -DTO=${CMAKE_BINARY_DIR}/idl_headers
+                              -P ${HERE}/idl_headers.cmake COMMAND_ERROR_IS_FATAL ANY)" COMPONENT development)
+install(FILES ${CMAKE_BINARY_DIR}/idl_headers/device.h ${CMAKE_BINARY_DIR}/idl_headers/scene.h
+        DESTINATION ${HEADERS}/idl COMPONENT development)
 install(FILES tools/driver/example_driver.cpp tools/driver/README.md
         DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhapticd-dev/driver COMPONENT development)
 install(FILES ${HERE}/copyright DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhapticd-dev COMPONENT development)
