@@ -35,8 +35,9 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
     const bool first = stations_.empty();
     stations_.push_back(std::make_unique<Station>(
         scene, device, participant_,
-        StationOptions{options.mode, realtime_core_, simulation_core_, first, first ? options.record : std::nullopt,
-                       first ? options.capture : std::nullopt, options.capture_every}));
+        StationOptions{options.mode, realtime_core_, simulation_core_, first,
+                       first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
+                       options.capture_every}));
   };
   add(scene.device);
   for (const DeviceSettings& device : scene.more_devices) add(device);

@@ -106,7 +106,7 @@ std::string describe(const Scene& scene) {
          more.max_force_rate);
   const double felt = felt_stiffness(scene);
   line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
-       felt > scene.device_stiffness ? ": MORE than the device displays stably" : "");
+       felt > 1.001 * scene.device_stiffness ? ": MORE than the device displays stably" : "");
   if (scene.ros2) line(out, "ros2       rt/haptic/%u/pose, /twist, /wrench at 50 Hz", scene.device.id);
   if (scene.trajectory) {
     const Trajectory trajectory = read_trajectory(*scene.trajectory, LengthUnit::metre);

@@ -65,6 +65,14 @@ TEST(Layout, ServerDoesNotSeeTools) {
     EXPECT_FALSE(i.target.starts_with("tools/")) << i.file << " includes " << i.target;
 }
 
+// What runs in the haptic thread never logs: haptic/ cannot (above), and the device port does not know how.
+TEST(Layout, TheDevicePortDoesNotLog) {
+  for (const Include& i : includes_of("server"))
+    if (i.file.stem() == "device_bridge" || i.file.stem() == "dds") {
+      EXPECT_NE(i.target, "server/log.h") << i.file;
+    }
+}
+
 // A driver is linked by people whose programs are not under the GPL: no simulation in it.
 TEST(Layout, DriverSeesOnlyTheWire) {
   for (const Include& i : includes_of("tools/driver")) {
