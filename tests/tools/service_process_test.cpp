@@ -4,6 +4,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -153,10 +154,12 @@ TEST_F(ServiceDaemon, IsNotPingedForWhileEitherLoopIsHeld) {
 // between two consecutive ticks nothing changes by more than the ramp's thousandth (and the cube's own
 // settling).
 TEST_F(ServiceDaemon, AReloadedScaleIsFeltWithoutAStep) {
-  const std::string held =
-      scratch_.file("held.csv",
-                    "t,px,py,pz,qx,qy,qz,qw\n0,0,0,0.0300,0,0,0,1\n0.3,0,0,0.0260,0,0,0,1\n"
-                    "0.6,0,0,0.0215,0,0,0,1\n0.9,0,0,0.0215,0,0,0,1\n20,0,0,0.0215,0,0,0,1\n");
+  // Down in 0.9 s, then still; sampled densely, since a recording is interpolated smoothly.
+  std::string recording = "t,px,py,pz\n";
+  for (int i = 0; i <= 400; ++i)
+    recording += std::to_string(0.05 * i) + ",0,0," +
+                 std::to_string(0.030 - 0.0085 * std::min(1.0, 0.05 * i / 0.9)) + "\n";
+  const std::string held = scratch_.file("held.csv", recording);
   Domain domain(domain_, read_dds_profile("loopback"));
   Participant participant(domain);
   Reader<hapticd_msg_ForceCommand> forces(participant);
