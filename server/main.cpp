@@ -1,10 +1,12 @@
 // hapticd SCENE.yaml: reads, checks, starts, serves until a signal, stops, reports.
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <fstream>
 #include <iostream>
 
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -81,7 +83,16 @@ void define(CLI::App& app, Arguments& a) {
       ->type_name("DIR");
 }
 
-// Blocks the signals that end the daemon in this thread and all it makes.
+// Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
+// of them would end the process by default: it is handed over whole.
+pid_t waiting_thread = 0;
+void hand_over(int number, siginfo_t* info, void*) {
+  const int before = errno;
+  syscall(SYS_rt_tgsigqueueinfo, getpid(), waiting_thread, number, info);
+  errno = before;
+}
+
+// Blocks the signals that the daemon answers, in this thread and all it makes.
 sigset_t block_signals() {
   sigset_t set;
   sigemptyset(&set);
@@ -92,6 +103,12 @@ sigset_t block_signals() {
   sigaddset(&set, SIGRTMIN);
   sigaddset(&set, SIGRTMIN + 1);
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  waiting_thread = gettid();
+  struct sigaction action {};
+  action.sa_sigaction = hand_over;
+  action.sa_flags = SA_SIGINFO | SA_RESTART;
+  for (int number = 1; number <= SIGRTMAX; ++number)
+    if (sigismember(&set, number) == 1) sigaction(number, &action, nullptr);
   return set;
 }
 

@@ -59,6 +59,8 @@ void Service::run() {
     const int number = sigtimedwait(&signals_, &info, &slice);
     if (number == SIGINT || number == SIGTERM) return;
     if (number == SIGUSR1 && options_.figures) options_.figures();
+    // Of the kernel: the terminal that it was started from is gone. Of anybody else: read the scene again.
+    if (number == SIGHUP && info.si_code == SI_KERNEL) return;
     if (number == SIGHUP) reload();
     if (options_.test_hooks) test_hook(info);
     const std::int64_t now = monotonic_ns();

@@ -1,7 +1,8 @@
 // The daemon between `ready` and its end: signals, the service manager's watchdog, and what is worth a log
 // line.
 //
-//   SIGTERM, SIGINT   end      SIGUSR1   figures to a file      SIGHUP   the scene again (reload.h)
+//   SIGTERM, SIGINT   end      SIGUSR1   figures to a file      SIGHUP   the scene again (reload.h);
+//                                                                   of a terminal that is closed: end
 //   each second       incidents (incidents.h); at level debug a line of figures
 //
 // Thread safety: one thread, which is not a loop's. Errors: none of its own; a reload that fails is said, and

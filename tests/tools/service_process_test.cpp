@@ -1,4 +1,5 @@
 // The daemon as a service: what its manager hears, and what a reload does to a force that is being felt.
+#include <fcntl.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/un.h>
@@ -7,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -148,6 +150,37 @@ TEST_F(ServiceDaemon, IsNotPingedForWhileEitherLoopIsHeld) {
   EXPECT_GE(count(hear(1'500 * ms), "WATCHDOG=1"), 2) << "it goes on";
   daemon.signal(SIGTERM);
   EXPECT_EQ(daemon.wait(10'000), 0);
+}
+
+// OpenBLAS's threads are older than main and block nothing: a signal that came while the main thread was busy
+// with the one before reached them, and ended the process.
+TEST_F(ServiceDaemon, AStormOfSignalsEndsNothing) {
+  ChildProcess daemon(command());
+  ASSERT_NE(hear(20'000 * ms, "READY=1").find("READY=1"), std::string::npos);
+  for (int i = 0; i < 100; ++i) {
+    daemon.signal(SIGHUP);
+    usleep(2000);
+  }
+  EXPECT_GE(count(hear(2'000 * ms), "WATCHDOG=1"), 1);
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait(10'000), 0);
+}
+
+// Started from a terminal that is then closed: it does not live on unseen.
+TEST_F(ServiceDaemon, EndsWithItsTerminal) {
+  const int terminal = posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+  ASSERT_EQ(grantpt(terminal), 0);
+  ASSERT_EQ(unlockpt(terminal), 0);
+  const std::string name = ptsname(terminal);
+  const std::vector<std::string> daemon = command();
+  std::string line = "exec setsid -c";
+  for (const std::string& word : daemon) line += " '" + word + "'";
+  // setsid -c makes its standard input, the terminal, the controlling one.
+  ChildProcess process({"/bin/sh", "-c", line + " <" + name});
+  ASSERT_NE(hear(20'000 * ms, "READY=1").find("READY=1"), std::string::npos);
+  close(terminal);
+  EXPECT_NE(hear(10'000 * ms, "STOPPING=1").find("STOPPING=1"), std::string::npos);
+  EXPECT_EQ(process.wait(10'000), 0);
 }
 
 // Pressed 1.5 mm into the cube by a client that holds still: half the force scale is half the force, and
