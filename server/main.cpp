@@ -1,9 +1,13 @@
 // hapticd SCENE.yaml: reads, checks, starts, waits for a signal, stops, reports.
+#include <sys/mman.h>
+
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <fstream>
 #include <iostream>
+#include <new>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -45,7 +49,9 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option(
       "--also", a.also,
       "One more device, as the scene's first but with tissue, id and limits of its own; may be repeated");
-  app.add_option("--record", a.record, "Write every haptic tick to this CSV file");
+  app.add_option("--record", a.record,
+                 "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv")
+      ->type_name("DIR|FILE.csv");
   CLI::Option* capture = app.add_option(
       "--capture", a.capture,
       "Write contact problems whose solve ended at a cap into this directory (haptic chart lcp --from)");
@@ -75,6 +81,8 @@ sigset_t block_signals() {
   sigaddset(&set, SIGRTMIN);
   sigaddset(&set, SIGRTMIN + 1);
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  // A file at its size limit is a full disk: the recording ends, the daemon does not.
+  std::signal(SIGXFSZ, SIG_IGN);
   return set;
 }
 
@@ -114,6 +122,20 @@ void wait_for_end(const sigset_t& signals, const Arguments& a, Daemon& daemon) {
   }
 }
 
+// OpenBLAS asks for its buffers for ever where there are none, at the process's end too, and Cyclone aborts: too
+// small a limit (ulimit -v) is said before either begins. What a scene needs beyond this is said by bad_alloc.
+void require_address_space() {
+  constexpr std::size_t needed = std::size_t{512} << 20;
+  void* place = mmap(nullptr, needed, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (place != MAP_FAILED) {
+    munmap(place, needed);
+    return;
+  }
+  std::cerr << "hapticd: not enough memory: " << (needed >> 20)
+            << " MB of address space are needed beyond what is used at the start (ulimit -v)" << std::endl;
+  std::_Exit(run_error);
+}
+
 // What was refused, and what that means.
 void announce(const std::vector<Grant>& grants) {
   bool degraded = false;
@@ -126,6 +148,7 @@ void announce(const std::vector<Grant>& grants) {
 }
 
 int run(const Arguments& a) {
+  require_address_space();
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
   std::optional<Security> security;
@@ -179,6 +202,9 @@ int main(int argc, char** argv) {
   } catch (const InputError& e) {
     std::cerr << "hapticd: " << e.what() << '\n';
     return input_error;
+  } catch (const std::bad_alloc&) {
+    std::cerr << "hapticd: not enough memory for this scene\n";
+    return run_error;
   } catch (const std::exception& e) {
     std::cerr << "hapticd: " << e.what() << '\n';
     return run_error;
