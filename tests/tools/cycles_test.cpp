@@ -38,7 +38,6 @@ Held held() {
 }
 
 void expect_nothing_left(const Held& before, const Held& after, int times, double kb_each) {
-  RecordProperty("kb", std::to_string(after.heap_kb - before.heap_kb));
   std::printf("  %d cycles: heap %+.1f kB, files %+td, threads %+td\n", times, after.heap_kb - before.heap_kb,
               after.files - before.files, after.threads - before.threads);
   EXPECT_LT(after.heap_kb - before.heap_kb, 64 + kb_each * times);

@@ -37,9 +37,7 @@ class FaultDaemon : public testing::Test {
       : id_(static_cast<std::uint32_t>(150 + getpid() % 50)),
         domain_(id_, read_dds_profile("loopback")),
         participant_(domain_),
-        client_(participant_) {
-    client_.change([](ScriptedClient::State& s) { s.position[0] = s.position[1] = 0.01; });
-  }
+        client_(participant_) {}
   // A shell's words, with the daemon's own as "$@".
   std::vector<std::string> under(const std::string& shell, const std::string& options) const {
     return {"/bin/bash", "-c",
@@ -80,12 +78,6 @@ class FaultDaemon : public testing::Test {
   ScriptedClient client_;
 };
 
-struct FullDisk {
-  const char* name;
-  std::string before;  // the daemon
-  std::string file;    // to record to
-};
-
 class FullDiskDaemon : public FaultDaemon, public testing::WithParamInterface<const char*> {};
 
 TEST_P(FullDiskDaemon, TheRecordingEndsAndIsCountedAndTheForceGoesOn) {
@@ -93,9 +85,9 @@ TEST_P(FullDiskDaemon, TheRecordingEndsAndIsCountedAndTheForceGoesOn) {
   fs::create_directories(disk);
   std::string before, target = disk + "/bag";
   if (kind == "limit") {
-    before = "ulimit -f 200; ";
+    before = "ulimit -f 600; ";
   } else if (kind == "tmpfs") {
-    const std::string mount = "mount -t tmpfs -o size=200k tmpfs " + disk;
+    const std::string mount = "mount -t tmpfs -o size=600k tmpfs " + disk;
     std::string own = "unshare --mount ";
     if (run_command(own + "bash -c '" + mount + "'").code != 0)
       own = "unshare --user --map-root-user --mount ";
@@ -127,11 +119,12 @@ TEST_P(FullDiskDaemon, TheRecordingEndsAndIsCountedAndTheForceGoesOn) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Kinds, FullDiskDaemon, testing::Values("limit", "tmpfs", "csv"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& test) { return std::string(test.param); });
 
 TEST_F(FaultDaemon, FilesThatVanishMidRunAreNotMissed) {
   const std::string scene = scratch_.file("scene"), config = scratch_.file("config");
   fs::copy(fs::path(cube).parent_path(), scene);
+  fs::create_directories(config);
   fs::copy(SOURCE_DIR "/config/devices", config + "/devices", fs::copy_options::recursive);
   fs::copy(SOURCE_DIR "/config/dds", config + "/dds", fs::copy_options::recursive);
   ChildProcess daemon(
@@ -194,7 +187,7 @@ TEST_F(FaultDaemon, AKilledDaemonThatComesBackIsFeltInARamp) {
       for (const Force& f : forces) {
         const double now = ScriptedClient::magnitude(f);
         const auto ms = static_cast<double>(f.number);
-        if (first_ms < 0 && now > 0) first_ms = ms;
+        if (first_ms < 0 && !(f.status & status_disarmed)) first_ms = ms;
         if (full_ms < 0 && f.status == 0) full_ms = ms;
         EXPECT_LE(now, 1.2 * steady) << "life " << life;
         EXPECT_LE(now - before, 0.2 * std::max(1.0, now)) << "the device's slew: 200 N/s";
@@ -208,6 +201,7 @@ TEST_F(FaultDaemon, AKilledDaemonThatComesBackIsFeltInARamp) {
   }
 }
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose shadows need all there is
 TEST(OutOfMemory, AtTheStartIsSaidAndEndsWithOne) {
   int refused = 0, ran = 0;
   for (int megabytes = 40; megabytes <= 1000 && ran == 0; megabytes = megabytes * 5 / 4) {
@@ -215,7 +209,10 @@ TEST(OutOfMemory, AtTheStartIsSaidAndEndsWithOne) {
         run_command("bash -c 'ulimit -v " + std::to_string(1024 * megabytes) + "; exec " BIN_DIR "/hapticd " +
                     cube + " --duration 0.1 --domain " + std::to_string(100 + getpid() % 50) + "'");
     SCOPED_TRACE(std::to_string(megabytes) + " MB: " + r.output);
-    if (r.output.find("error while loading shared libraries") != std::string::npos) continue;  // not ours yet
+    // Before main: the loader's to say, and OpenBLAS's.
+    if (r.output.find("error while loading shared libraries") != std::string::npos ||
+        r.output.find("blas_thread_init") != std::string::npos)
+      continue;
     EXPECT_TRUE(r.code == 0 || r.code == 1) << r.code;
     if (r.code == 1) {
       EXPECT_NE(r.output.find("memory"), std::string::npos);
@@ -226,6 +223,7 @@ TEST(OutOfMemory, AtTheStartIsSaidAndEndsWithOne) {
   EXPECT_EQ(ran, 1);
   EXPECT_GT(refused, 0);
 }
+#endif
 
 }  // namespace
 }  // namespace hapticd

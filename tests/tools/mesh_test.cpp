@@ -56,6 +56,7 @@ struct Stranger {
   const char* name;
   std::function<std::string(const ScratchDirectory&)> make;  // the file
   const char* options;
+  bool met = true;  // by the tip, that comes down in the middle
 };
 
 std::string written(const TetMesh& mesh, const std::string& file) {
@@ -149,7 +150,7 @@ const std::vector<Stranger> strangers = {
        mesh.tets = {{0, 1, 2, 3}};
        return written(mesh, s.file("a.msh"));
      },
-     ""},
+     "", false},
     {"twenty_thousand",
      [](const auto& s) {
        return written(box_mesh({0.06, 0.05, 0.04}, 16, 16, 13), s.file("a.msh"));
@@ -176,14 +177,14 @@ TEST_P(StrangersMesh, BecomesASceneThatRuns) {
   ASSERT_EQ(run.code, 0) << run.output;
   const nlohmann::json figures = json_of(json);
   EXPECT_EQ(figures["not_finite"], 0);
-  EXPECT_GT(figures["force_peak_n"].get<double>(), 1e-4);
+  EXPECT_EQ(figures["force_peak_n"].get<double>() > 1e-4, GetParam().met);
   EXPECT_LE(figures["force_peak_n"].get<double>(), 3.3);
   const std::string forces = read_bytes(scratch.file("f.csv"));
   EXPECT_EQ(forces.find("nan"), std::string::npos);
   EXPECT_EQ(forces.find("inf"), std::string::npos);
 }
 INSTANTIATE_TEST_SUITE_P(Meshes, StrangersMesh, testing::ValuesIn(strangers),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& test) { return std::string(test.param.name); });
 
 TEST(MeshCommand, FaultsAreNamedByFileAndLine) {
   const ScratchDirectory scratch;

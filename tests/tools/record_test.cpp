@@ -19,10 +19,9 @@ const std::string compare = "/usr/bin/python3 " SOURCE_DIR "/tests/tools/bag_aga
 
 // Down onto the cube, 1.5 mm deep, sideways, and up: 1.2 s.
 std::string press(const ScratchDirectory& scratch) {
-  return scratch.file(
-      "press.csv",
-      "t,px,py,pz,buttons\n0,0.01,0.01,0.0245,0\n0.3,0.01,0.01,0.0215,0\n0.6,0.01,0.01,0.0215,1\n"
-      "0.9,0.012,0.01,0.0215,1\n1.2,0.012,0.01,0.0245,0\n");
+  return scratch.file("press.csv",
+                      "t,px,py,pz,buttons\n0,0,0,0.0245,0\n0.3,0,0,0.0215,0\n0.6,0,0,0.0215,1\n"
+                      "0.9,0.002,0,0.0215,1\n1.2,0.002,0,0.0245,0\n");
 }
 
 std::string domain() { return std::to_string(140 + getpid() % 60); }
