@@ -90,6 +90,33 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
           {"problem_age_histogram", bins(s.problem_age)}};
 }
 
+Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& m, std::int64_t time_ns) {
+  constexpr std::uint32_t errors = status_problem_lost | status_latched | status_not_finite;
+  constexpr std::uint32_t ordinary =
+      status_disarmed | status_ramping_up | status_saturated | status_slew_limited | status_blending;
+  Diagnostic d;
+  d.time_ns = time_ns;
+  d.level = m.status & errors      ? Diagnostic::error
+            : m.status & ~ordinary ? Diagnostic::warning
+                                   : Diagnostic::ok;
+  d.name = "hapticd";
+  d.message = d.level == Diagnostic::ok ? "all well" : "status " + std::to_string(m.status);
+  d.values = {{"scene", m.scene},
+              {"step", std::to_string(m.step)},
+              {"ticks", std::to_string(m.ticks)},
+              {"deadline_misses", std::to_string(m.deadline_misses)},
+              {"haptic_rate_hz", std::to_string(m.haptic_rate_hz)},
+              {"sim_rate_hz", std::to_string(m.sim_rate_hz)},
+              {"sim_step_ms", std::to_string(m.sim_step_ms)},
+              {"elements_removed", std::to_string(m.elements_removed)},
+              {"fragments_aspirated", std::to_string(m.fragments_aspirated)},
+              {"status", std::to_string(m.status)},
+              {"rejected_states", std::to_string(m.rejected_states)},
+              {"conflicts", std::to_string(m.conflicts)},
+              {"refused", m.refused}};
+  return d;
+}
+
 Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
                          Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
                          const std::optional<std::filesystem::path>& record,
@@ -102,7 +129,10 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
       geometry_(participant),
       update_(participant),
       scope_(scope.value_or(DiagnosticsScope{scene.device.id, true})) {
-  if (record) record_.emplace(*record);
+  if (record && record->extension() == ".csv")
+    record_.emplace(*record);
+  else if (record)
+    bag_.emplace(*record, scope_.device_id);
   if (scene.ros2) ros2_.emplace(participant, scene.device.id);
 }
 
@@ -163,6 +193,7 @@ void Diagnostics::run() noexcept {
   snapshots_.acquire();
   publish_update();
   publish_status();
+  if (bag_) bag_->stop();
   if (!record_) return;
   record_->flush();
   recording_failed_.store(record_->failed(), relaxed);
@@ -171,10 +202,22 @@ void Diagnostics::run() noexcept {
 void Diagnostics::drain() {
   ForceRecord record;
   while (history_.pop(record)) {
-    if (record_) record_->write(record);
+    if (record_) write_line(record);
+    if (bag_) bag_->push(record);
     if (ros2_) ros2_->note(record);
   }
   if (ros2_) ros2_->publish();
+}
+
+// A stream that has failed once (a full disk) is not written to again.
+void Diagnostics::write_line(const ForceRecord& record) noexcept {
+  std::atomic<std::uint64_t>& count = record_->failed() ? recording_lost_ : recorded_;
+  count.store(count.load(relaxed) + 1, relaxed);
+  if (record_->failed()) return;
+  record_->write(record);
+  if (!record_->failed()) return;
+  recording_failed_.store(true, relaxed);
+  std::fprintf(stderr, "hapticd: the recording ends, everything else goes on: the file cannot be written\n");
 }
 
 void Diagnostics::publish_geometry() {
@@ -209,6 +252,7 @@ void Diagnostics::publish_update() {
     m.alive = borrowed<decltype(m.alive)>(const_cast<std::vector<std::uint8_t>&>(body.alive));
     for (int k = 0; k < 3; ++k) m.instrument[k] = static_cast<float>(snapshot.instrument.p[k]);
     for (int k = 0; k < 4; ++k) m.instrument[3 + k] = static_cast<float>(snapshot.instrument.q.coeffs()[k]);
+    m.contacts = borrowed<decltype(m.contacts)>(const_cast<std::vector<float>&>(snapshot.contacts));
     update_.write(m);
   }
 }
@@ -239,6 +283,7 @@ void Diagnostics::publish_status() {
   m.scene = const_cast<char*>(scene_.name.c_str());
   m.refused = const_cast<char*>(refused_.c_str());
   status_.write(m);
+  if (bag_) bag_->push(diagnostic_of(m, now));
 }
 
 }  // namespace hapticd

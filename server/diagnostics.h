@@ -4,7 +4,9 @@
 //   once    SceneGeometry           per body, kept by DDS for late readers
 //   25 Hz   SceneUpdate             per deformable body, from the newest snapshot
 //   50 Hz   the ROS 2 mirror        of the newest tick, where the scene asks for it (ros2_mirror.h)
-//   50 Hz   the force history       drained, and written to the recording if there is one
+//   50 Hz   the force history       drained, and written to the recording if there is one: a CSV file
+//                                   (force_record.h), or a rosbag2 directory on a thread of its own
+//                                   (bag_recorder.h)
 //
 // Neither loop ever waits for it: a full queue drops and counts, a channel keeps the newest.
 // Thread safety: start, stop and the constructor belong to one thread; the diagnostics thread alone
@@ -20,6 +22,7 @@
 #include <vector>
 
 #include "haptic/loop.h"
+#include "server/bag_recorder.h"
 #include "server/dds.h"
 #include "server/force_record.h"
 #include "server/realtime.h"
@@ -39,6 +42,7 @@ struct SceneSnapshot {
   std::uint64_t step = 0;            // 0: none yet
   std::vector<BodySnapshot> bodies;  // in the scene's order
   Pose instrument;                   // in the scene
+  std::vector<float> contacts;       // 7 each (idl/scene.idl)
   std::uint32_t elements_removed = 0;
   std::uint32_t fragments_aspirated = 0;
   double step_ms = 0;
@@ -55,6 +59,9 @@ void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>
 // the others ([[middle of a bin in µs, count], …], so that a caller can subtract two summaries).
 nlohmann::json loop_summary(const LoopStatistics& statistics);
 
+// A status as a recording keeps it.
+Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& status, std::int64_t time_ns);
+
 // Whose status is published, and whether the scene is: bodies have one key for all devices.
 struct DiagnosticsScope {
   std::uint32_t device_id = 0;
@@ -63,8 +70,9 @@ struct DiagnosticsScope {
 
 class Diagnostics {
  public:
-  // Everything referred to must outlive the object. record: CSV file to write, if any. scope: default, the
-  // scene's first device and the scene.
+  // Everything referred to must outlive the object. record: what to write, if anything: a name that ends in
+  // .csv is a CSV file, any other a rosbag2 directory. scope: default, the scene's first device and the
+  // scene.
   Diagnostics(const Participant& participant, const Scene& scene, const LoopStatistics& statistics,
               Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
               const std::optional<std::filesystem::path>& record,
@@ -84,11 +92,22 @@ class Diagnostics {
   // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
   void stop() noexcept;
 
-  bool recording_failed() const noexcept { return recording_failed_.load(std::memory_order_relaxed); }
+  bool recording_failed() const noexcept {
+    return recording_failed_.load(std::memory_order_relaxed) || (bag_ && bag_->failed());
+  }
+  // Of what the loop handed over: messages of a bag, or lines. Beside them stands what never reached the
+  // diagnostics thread (SpscQueue::dropped).
+  std::uint64_t recorded() const noexcept {
+    return bag_ ? bag_->kept() : recorded_.load(std::memory_order_relaxed);
+  }
+  std::uint64_t recording_lost() const noexcept {
+    return bag_ ? bag_->lost() : recording_lost_.load(std::memory_order_relaxed);
+  }
 
  private:
   void run() noexcept;
   void drain();
+  void write_line(const ForceRecord& record) noexcept;
   void publish_geometry();
   void publish_status();
   void publish_update();
@@ -99,6 +118,7 @@ class Diagnostics {
   Channel<SceneSnapshot>& snapshots_;
   SpscQueue<ForceRecord>& history_;
   std::optional<ForceRecordWriter> record_;
+  std::optional<BagRecorder> bag_;
   Channel<ContactCapture>* captures_ = nullptr;
   const Instrument* instrument_ = nullptr;
   std::filesystem::path capture_directory_;
@@ -115,6 +135,7 @@ class Diagnostics {
   double rate_hz_ = 0;
   std::uint64_t updated_step_ = 0;
   std::atomic<bool> recording_failed_{false};
+  std::atomic<std::uint64_t> recorded_{0}, recording_lost_{0};
   std::atomic<bool> stopping_{false};
   std::thread thread_;
 };

@@ -1,10 +1,14 @@
 // hapticd SCENE.yaml: reads, checks, starts, serves until a signal, stops, reports.
+#include <sys/mman.h>
+
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <fstream>
 #include <iostream>
+#include <new>
 
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -55,7 +59,9 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option(
       "--also", a.also,
       "One more device, as the scene's first but with tissue, id and limits of its own; may be repeated");
-  app.add_option("--record", a.record, "Write every haptic tick to this CSV file");
+  app.add_option("--record", a.record,
+                 "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv")
+      ->type_name("DIR|FILE.csv");
   CLI::Option* capture = app.add_option(
       "--capture", a.capture,
       "Write contact problems whose solve ended at a cap into this directory (haptic chart lcp --from)");
@@ -109,6 +115,8 @@ sigset_t block_signals() {
   action.sa_flags = SA_SIGINFO | SA_RESTART;
   for (int number = 1; number <= SIGRTMAX; ++number)
     if (sigismember(&set, number) == 1) sigaction(number, &action, nullptr);
+  // A file at its size limit is a full disk: the recording ends, the daemon does not.
+  std::signal(SIGXFSZ, SIG_IGN);
   return set;
 }
 
@@ -128,6 +136,20 @@ void write_figures(const Daemon& daemon, const std::string& file) { write_json(f
 void stand_still(int) {
   const timespec time{1, 500'000'000};
   nanosleep(&time, nullptr);
+}
+
+// OpenBLAS asks for its buffers for ever where there are none, at the process's end too, and Cyclone aborts: too
+// small a limit (ulimit -v) is said before either begins. What a scene needs beyond this is said by bad_alloc.
+void require_address_space() {
+  constexpr std::size_t needed = std::size_t{512} << 20;
+  void* place = mmap(nullptr, needed, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (place != MAP_FAILED) {
+    munmap(place, needed);
+    return;
+  }
+  std::cerr << "hapticd: not enough memory: " << (needed >> 20)
+            << " MB of address space are needed beyond what is used at the start (ulimit -v)" << std::endl;
+  std::_Exit(run_error);
 }
 
 // What was refused, and what that means.
@@ -165,6 +187,7 @@ int run(const Arguments& a) {
   const Notifier notifier;
   const bool human = logs_for_a_person(a);
   set_log_format(human ? LogFormat::human : LogFormat::json);
+  require_address_space();
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
@@ -231,6 +254,9 @@ int main(int argc, char** argv) {
     log(LogLevel::error, "input", e.what(),
         {{"file", e.file().string()}, {"line", e.line()}, {"key", e.key()}});
     return input_error;
+  } catch (const std::bad_alloc&) {
+    std::cerr << "hapticd: not enough memory for this scene\n";
+    return run_error;
   } catch (const std::exception& e) {
     log(LogLevel::error, "failed", e.what());
     return run_error;

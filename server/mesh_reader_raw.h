@@ -67,5 +67,6 @@ TetMesh finish_mesh(const RawMesh& raw);
 
 RawMesh read_gmsh(const std::string& bytes, const std::filesystem::path& file);
 RawMesh read_vtk(const std::string& bytes, const std::filesystem::path& file);
+std::string vtk_as_text(const std::string& bytes, const std::filesystem::path& file);  // of a binary one
 
 }  // namespace hapticd

@@ -1,4 +1,4 @@
-// Legacy VTK, ASCII, unstructured grid. Both layouts of CELLS are read: version ≤ 4 (each cell its count and
+// Legacy VTK, ASCII or binary, unstructured grid. Both layouts of CELLS are read: version ≤ 4 (each cell its count and
 // nodes) and version 5 (OFFSETS and CONNECTIVITY).
 #include <algorithm>
 #include <cctype>
@@ -32,7 +32,11 @@ struct Cell {
 
 class VtkReader {
  public:
-  VtkReader(const std::string& bytes, const std::filesystem::path& file) : in_(bytes, file), file_(file) {
+  // has_lines: the bytes are the file's own.
+  VtkReader(const std::string& bytes, const std::filesystem::path& file, bool has_lines)
+      : in_(bytes, file), file_(file) {
+    in_.set_binary(!has_lines);
+    in_.set_binary(false);
     raw_.file = file;
     raw_.tet_section = "CELLS";
   }
@@ -41,7 +45,7 @@ class VtkReader {
     in_.section = "header";
     in_.rest_of_line();
     in_.rest_of_line();
-    if (upper(in_.word()) != "ASCII") throw in_.error("only ASCII legacy VTK is read");
+    if (upper(in_.word()) != "ASCII") throw in_.error("expected ASCII or BINARY");
     while (!in_.at_end()) {
       in_.section = "";
       const std::string key = upper(in_.word());
@@ -201,7 +205,11 @@ class VtkReader {
 }  // namespace
 
 RawMesh read_vtk(const std::string& bytes, const std::filesystem::path& file) {
-  return VtkReader(bytes, file).read();
+  std::size_t third = bytes.find('\n');
+  if (third != std::string::npos) third = bytes.find('\n', third + 1);
+  if (third != std::string::npos && upper(bytes.substr(third + 1, 6)) == "BINARY")
+    return VtkReader(vtk_as_text(bytes, file), file, false).read();
+  return VtkReader(bytes, file, true).read();
 }
 
 }  // namespace hapticd

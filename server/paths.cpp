@@ -44,6 +44,9 @@ std::string read_bytes(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::exists(file, error)) throw InputError(file, 0, "", "no such file");
   if (std::filesystem::is_directory(file, error)) throw InputError(file, 0, "", "is a directory, not a file");
+  // /dev/zero has no end.
+  if (std::filesystem::is_character_file(file, error) || std::filesystem::is_block_file(file, error))
+    throw InputError(file, 0, "", "is a device, not a file");
   std::ifstream in(file, std::ios::binary);
   std::ostringstream bytes;
   if (in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "haptic/loop.h"
+#include "server/contact_forces.h"
 #include "server/realtime.h"
 
 namespace hapticd {
@@ -130,10 +131,10 @@ void SimulationLoop::step() {
   const std::int64_t spent = monotonic_ns() - begin;
   statistics_.step.record(spent);
   count(report);
-  publish_snapshot(spent);
+  publish_snapshot(spent, report.contact.instrument);
 }
 
-void SimulationLoop::publish_snapshot(std::int64_t step_ns) {
+void SimulationLoop::publish_snapshot(std::int64_t step_ns, const Pose& instrument) {
   SceneSnapshot& snapshot = snapshots_.back();
   const Bodies& bodies = world_.bodies();
   snapshot.step = world_.steps();
@@ -147,6 +148,12 @@ void SimulationLoop::publish_snapshot(std::int64_t step_ns) {
     pack_bits(bodies[b].state.alive, out.alive);
   }
   snapshot.instrument = instrument_.front().X;
+  snapshot.contacts.clear();
+  for (const ContactForce& c : contact_forces(world_.contact_scratch(), instrument)) {
+    for (const Vec3& v : {c.place, c.force})
+      for (int i = 0; i < 3; ++i) snapshot.contacts.push_back(static_cast<float>(v[i]));
+    snapshot.contacts.push_back(static_cast<float>(c.gap));
+  }
   snapshot.elements_removed = static_cast<std::uint32_t>(statistics_.removed.load(std::memory_order_relaxed));
   snapshot.fragments_aspirated =
       static_cast<std::uint32_t>(statistics_.aspirated.load(std::memory_order_relaxed));

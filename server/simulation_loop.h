@@ -80,7 +80,7 @@ class SimulationLoop {
   void adopt_bases();
   void count(const StepReport& report);
   InstrumentSample latest();
-  void publish_snapshot(std::int64_t step_ns);
+  void publish_snapshot(std::int64_t step_ns, const Pose& instrument);
 
   World& world_;
   const std::int64_t period_ns_;

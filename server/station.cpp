@@ -131,6 +131,8 @@ nlohmann::json Station::summary() const {
   j["recording_dropped"] = history_.dropped();
   j["problems_captured"] = diagnostics_.captured();
   j["recording_failed"] = diagnostics_.recording_failed();
+  j["recorded"] = diagnostics_.recorded();
+  j["recording_lost"] = diagnostics_.recording_lost();
   return j;
 }
 

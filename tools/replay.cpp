@@ -2,10 +2,12 @@
 #include <cmath>
 #include <memory>
 
+#include "server/bag_reader.h"
 #include "server/scene_reader.h"
 #include "server/trajectory_reader.h"
 #include "tools/command.h"
 #include "tools/recording.h"
+#include "tools/replay_offline.h"
 #include "tools/session.h"
 
 namespace hapticd {
@@ -19,7 +21,10 @@ struct ReplayOptions {
   LengthUnit units = LengthUnit::metre;
   bool centre = false;
   double scale = 1;
-  std::string scene;
+  std::string topic;       // of a rosbag2 recording
+  std::string from_scene;  // whose coordinates the file is in; empty: the device's
+  bool offline = false;
+  std::string scene, record, vtk;  // offline
   double speed = 1;
   bool no_enable = false;
 };
@@ -31,7 +36,8 @@ class ReplaySource final : public SlotSource {
   DeviceCommand first() const noexcept override { return command_at(trajectory_.begin(), 0); }
   // A late slot sends the pose of its intended time, so that a stall of the client does not bend the motion.
   DeviceCommand at(std::int64_t k, std::int64_t, const NewestForce&, bool) noexcept override {
-    const double t = trajectory_.begin() + speed_ * 1e-3 * static_cast<double>(k);
+    // A quotient, so that a recording's own samples at whole milliseconds are met exactly.
+    const double t = trajectory_.begin() + speed_ * (static_cast<double>(k) / 1e3);
     return command_at(t, buttons_at(trajectory_, t));
   }
   std::int64_t slots() const noexcept {
@@ -49,14 +55,27 @@ class ReplaySource final : public SlotSource {
 };
 
 Trajectory read(ReplayOptions& options, bool device_id_given) {
-  Trajectory trajectory = read_trajectory(options.file, options.units);
-  if (!options.scene.empty()) {
-    const Scene scene = read_scene(options.scene);
+  Trajectory trajectory = is_bag(options.file) ? read_bag(options.file, options.topic, options.units)
+                                               : read_trajectory(options.file, options.units);
+  if (!options.from_scene.empty()) {
+    const Scene scene = read_scene(options.from_scene);
     trajectory = from_scene(scene.device, trajectory);
     if (!device_id_given) options.session.client.device_id = scene.device.id;
   }
   if (options.centre) trajectory = centred(trajectory);
   return options.scale == 1 ? trajectory : scaled(trajectory, options.scale);
+}
+
+int replay_without_daemon(const ReplayOptions& options, ReplaySource& source, nlohmann::ordered_json& json,
+                          Table& table) {
+  const std::string file = options.scene.empty() ? options.from_scene : options.scene;
+  if (file.empty()) throw UsageError("--offline needs a scene: --scene SCENE.yaml, or --from-scene");
+  const Scene scene = read_scene(file);
+  const bool done = run_offline_replay(scene, source, source.slots(),
+                                       {options.session.forces, options.record, options.vtk}, json, table);
+  if (!options.session.json.empty()) write_json(options.session.json, json);
+  print(table);
+  return done ? 0 : 1;
 }
 
 int replay(ReplayOptions& options, bool device_id_given) {
@@ -69,9 +88,6 @@ int replay(ReplayOptions& options, bool device_id_given) {
   prepare(options.session);
 
   ReplaySource source(trajectory, options.speed);
-  Session session(options.session, source.slots());
-  run(session, source, "replay");
-
   nlohmann::ordered_json json;
   json["command"] = "replay";
   json["file"] = options.file;
@@ -81,6 +97,9 @@ int replay(ReplayOptions& options, bool device_id_given) {
   Table table{{"recording", options.file + ", " + std::to_string(trajectory.samples.size()) + " samples, " +
                                 fixed(duration, 1) + " s, at most " +
                                 fixed(1e3 * largest_speed(trajectory) * options.speed, 1) + " mm/s"}};
+  if (options.offline) return replay_without_daemon(options, source, json, table);
+  Session session(options.session, source.slots());
+  run(session, source, "replay");
   report(session, options.session, json, table);
   return finish(session, options.session, json, table);
 }
@@ -91,26 +110,45 @@ Command add_replay(CLI::App& application) {
   auto options = std::make_shared<ReplayOptions>();
   CLI::App* app = application.add_subcommand(
       "replay",
-      "Plays a CSV recording as a device at 1 kHz, by the file's own time stamps, and times the answers.");
-  app->add_option("FILE", options->file, "CSV: t,px,py,pz,qx,qy,qz,qw[,buttons]")->required()->type_name("");
+      "Plays a recording as a device at 1 kHz, by the file's own time stamps, and times the answers.");
+  app->add_option("FILE", options->file,
+                  "CSV: t,px,py,pz,qx,qy,qz,qw[,buttons]; or a rosbag2 directory or .db3")
+      ->required()
+      ->type_name("");
+  app->add_option("--topic", options->topic, "of a rosbag2: which of its topics with poses");
   add_units_option(*app, options->units, "length unit of the file");
   CLI::Option* centre = app->add_flag("--centre,--center", options->centre,
                                       "put the recording's mean position at the device's origin");
   app->add_option("--scale", options->scale, "scale the positions, after centring")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app->add_option("--from-scene", options->scene,
+  app->add_option("--from-scene", options->from_scene,
                   "the file moves the instrument in this scene's coordinates: map it to the device's")
       ->type_name("SCENE.yaml")
       ->excludes(centre);
   app->add_option("--speed", options->speed, "play so many times as fast")
       ->check(CLI::Range(0.01, 100.0))
       ->capture_default_str();
-  app->add_flag("--no-enable", options->no_enable, "do not ask for force");
+  CLI::Option* no_enable = app->add_flag("--no-enable", options->no_enable, "do not ask for force");
+  CLI::Option* offline =
+      app->add_flag("--offline", options->offline,
+                    "run the scene in here, without daemon and clock: the same bit for bit "
+                    "from run to run")
+          ->excludes(no_enable);
+  app->add_option("--scene", options->scene, "offline: the scene to run, if not that of --from-scene")
+      ->type_name("SCENE.yaml")
+      ->needs(offline);
+  app->add_option("--record", options->record, "offline: write a rosbag2 recording")
+      ->type_name("DIR")
+      ->needs(offline);
+  app->add_option("--vtk", options->vtk, "offline: write a series of the scene for ParaView, DIR/scene.pvd")
+      ->type_name("DIR")
+      ->needs(offline);
   add_session_options(*app, options->session);
   app->footer(
       "Positions are in the device's frame, as recorded, unless --centre, --scale or --from-scene map them.\n"
-      "Example: haptic replay ../shared/data/trajectories/cataract_training_01.csv --json figures.json");
+      "Example: haptic replay ../shared/data/trajectories/cataract_training_01.csv --json figures.json\n"
+      "Example: haptic replay recording --offline --scene scene.yaml --forces forces.csv");
   return {app, [app, options] { return replay(*options, app->count("--device-id") > 0); }};
 }
 

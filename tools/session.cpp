@@ -6,6 +6,7 @@
 #include <map>
 #include <thread>
 
+#include "tools/force_row.h"
 #include "tools/progress.h"
 
 namespace hapticd {
@@ -165,25 +166,25 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
 
 std::string forces_csv(const Session& session) {
   const DeviceClient& client = session.client;
-  std::string text =
-      "t,number,px,py,pz,buttons,fx,fy,fz,tx,ty,tz,status,rtt_us,state_age_us,problem_age_ms,wake_us,solve_"
-      "us,"
-      "contacts,active,penetration_um,removed\n";
+  std::string text = force_row_header;
   for_each_answer(client, [&](std::int64_t k, const hapticd_msg_ForceCommand& m) {
-    const DeviceCommand& sent = client.command(k);
     const std::int64_t arrived = client.book().answered_ns(k);
-    const double round_trip = 1e-3 * static_cast<double>(arrived - client.book().sent_ns(k));
-    char line[512];
-    const int n =
-        std::snprintf(line, sizeof line,
-                      "%.3f,%lld,%.9g,%.9g,%.9g,%u,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%u,%.1f,%.1f,%.2f,%.1f,%.1f,"
-                      "%d,%d,%.2f,%u\n",
-                      1e-3 * static_cast<double>(k), static_cast<long long>(k), sent.pose.p.x(),
-                      sent.pose.p.y(), sent.pose.p.z(), sent.buttons, m.force[0], m.force[1], m.force[2],
-                      m.torque[0], m.torque[1], m.torque[2], m.status, round_trip, double(m.state_age_us),
-                      double(m.problem_age_ms), double(m.wake_us), double(m.solve_us), int(m.contacts),
-                      int(m.active), double(m.penetration_um), session.monitor.at(arrived).elements_removed);
-    text.append(line, static_cast<std::size_t>(n));
+    ForceRow row;
+    row.slot = k;
+    row.sent = client.command(k);
+    row.force = force_of(m);
+    row.torque = {m.torque[0], m.torque[1], m.torque[2]};
+    row.status = m.status;
+    row.rtt_us = 1e-3 * static_cast<double>(arrived - client.book().sent_ns(k));
+    row.state_age_us = m.state_age_us;
+    row.problem_age_ms = m.problem_age_ms;
+    row.wake_us = m.wake_us;
+    row.solve_us = m.solve_us;
+    row.contacts = m.contacts;
+    row.active = m.active;
+    row.penetration_um = m.penetration_um;
+    row.removed = session.monitor.at(arrived).elements_removed;
+    append(text, row);
   });
   return text;
 }

@@ -13,7 +13,7 @@ namespace hapticd {
 
 struct SessionOptions {
   ClientSettings client;
-  std::string secure;     // folder of keys; empty: none
+  std::string secure;  // folder of keys; empty: none
   std::string role = "device";
   std::string json;       // empty: none
   std::string forces;     // CSV; empty: none
@@ -44,9 +44,7 @@ void run(Session& session, SlotSource& source, const std::string& what);
 void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json,
             Table& table);
 
-// One line per answered slot. Columns: t (s since slot 0, intended), number (slot), px py pz and buttons (as
-// sent, device frame, m), fx fy fz (N) tx ty tz (N·m), status, rtt_us (sending to arrival), state_age_us,
-// problem_age_ms, wake_us, solve_us, contacts, active, penetration_um, removed (by the newest status).
+// forces.csv (force_row.h); `removed` is by the newest status.
 std::string forces_csv(const Session& session);
 
 // Writes the JSON and the other outputs asked for, prints the table, and returns the exit code: 0 if the run

@@ -1,6 +1,7 @@
 #include "physics/contact/delassus.h"
 
 #include <algorithm>
+#include <cstring>
 
 namespace hapticd {
 namespace {
@@ -8,10 +9,16 @@ namespace {
 constexpr double rigid_compliance = 1e-3;  // of the coupling's, at contacts with less of their own
 
 // Of a vector in space the fourth lane is not meant.
-using Lanes = double __attribute__((vector_size(32), aligned(8), may_alias));
+// A typedef: of an alias clang drops `aligned`, and faults.
+typedef double Lanes __attribute__((vector_size(32), aligned(8), may_alias));
 
 Lanes lanes(const Vec3& v) noexcept { return Lanes{v[0], v[1], v[2], 0}; }
-const Lanes& load(const double* p) noexcept { return *reinterpret_cast<const Lanes*>(p); }
+// Not by reference: clang believes what one refers to to be aligned to 32.
+Lanes load(const double* p) noexcept {
+  Lanes v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
+}
 
 // Column panel of one contact: how nodes and instrument move per unit of its force in each frame direction.
 template <int columns>

@@ -12,7 +12,8 @@ namespace {
 constexpr int block = 16, strip = 4;   // columns
 constexpr double keep_diagonal = 0.1;  // of the largest below it: then it is the pivot, and no row moves
 
-using Lanes = double __attribute__((vector_size(32), aligned(8), may_alias));
+// A typedef: of an alias clang drops `aligned`, and faults.
+typedef double Lanes __attribute__((vector_size(32), aligned(8), may_alias));
 
 double* at(double* A, int ld, int i, int j) noexcept { return A + static_cast<std::ptrdiff_t>(j) * ld + i; }
 const double* at(const double* A, int ld, int i, int j) noexcept {

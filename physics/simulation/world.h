@@ -113,6 +113,8 @@ class World {
   const Bodies& bodies() const { return bodies_; }
   const BodyContacts& contacts() const { return contacts_; }
   const Instrument& instrument() const { return *instrument_; }
+  // Rows and λ of the last step's contact solve.
+  const ContactScratch& contact_scratch() const { return *scratch_; }
   std::uint64_t steps() const { return steps_; }
   int removed() const { return removed_; }
 

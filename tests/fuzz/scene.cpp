@@ -1,0 +1,62 @@
+#include "server/scene_reader.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "server/input_error.h"
+#include "tests/fuzz/targets.h"
+
+namespace hapticd {
+namespace {
+
+// A folder with what a scene may name: tissue.msh, tissue.vtk, motion.csv.
+class Folder {
+ public:
+  Folder() {
+    const std::filesystem::path fast = "/dev/shm", data = SOURCE_DIR "/tests/data";
+    path_ = (std::filesystem::is_directory(fast) ? fast : std::filesystem::temp_directory_path()) /
+            ("hapticd-fuzz-" + std::to_string(getpid()));
+    std::filesystem::create_directories(path_);
+    std::filesystem::copy_file(data / "tiny_22_ascii.msh", path_ / "tissue.msh",
+                               std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::copy_file(data / "tiny.vtk", path_ / "tissue.vtk",
+                               std::filesystem::copy_options::overwrite_existing);
+    std::ofstream(path_ / "motion.csv") << "t,px,py,pz\n0,0,0,0\n1,0,0,1\n";
+  }
+  ~Folder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  std::filesystem::path scene(FuzzInput input) const {
+    const std::filesystem::path file = path_ / "fuzz.yaml";
+    std::ofstream(file, std::ios::binary) << text_of(input);
+    return file;
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace
+
+void fuzz_scene(FuzzInput input) {
+  static const Folder folder;
+  try {
+    const Scene scene = read_scene(folder.scene(input));
+    demand(scene.rate > 0 && scene.alarm_distance > 0 && scene.sample_spacing > 0, "a scene has its scales");
+    demand(!scene.bodies.empty() && !scene.instrument.primitives.empty(),
+           "a scene has a body and an instrument");
+    for (const SceneBody& b : scene.bodies)
+      for (const int n : b.fixed_nodes)
+        demand(n >= 0 && n < static_cast<int>(b.mesh.nodes.size()), "what is fixed is a node");
+    for (const ContactPair& p : scene.contacts)
+      demand(static_cast<std::size_t>(p.points) < scene.bodies.size() &&
+                 static_cast<std::size_t>(p.faces) < scene.bodies.size(),
+             "who touches is a body");
+  } catch (const InputError&) {
+  }
+}
+
+}  // namespace hapticd
