@@ -13,8 +13,9 @@
 // unknowns that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also
 // from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's residual squared, falls,
 // after halvings if need be; where it does not, some are taken without asking, for a direction of slip that
-// turns far raises the merit before it falls. Then the same with a shifted Jacobian; with steps held in the
-// cones, whose pulled contacts leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
+// turns far raises the merit before it falls; a merit 1e5 times as large ends that. Then the same with a
+// shifted Jacobian, the shift shrinking as steps serve; with steps held in the cones, whose pulled contacts
+// leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
 // Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where a Newton
 // stalls on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
 // the result says so; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more
