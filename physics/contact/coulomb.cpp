@@ -134,8 +134,8 @@ class CoulombSolve {
       for (const Stage& stage : stages) {
         if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
         if (open() && !affords(dear_steps)) hurried_ = true;
-        if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
-            ws_.factor.pivot_ratio < hyperstatic)
+        if (open() && &stage != stages && s_.epsilon < options_.raised_diagonal &&
+            result_.factorisations > 0 && ws_.factor.pivot_ratio < hyperstatic)
           raise(options_.raised_diagonal);
       }
     }

@@ -16,8 +16,8 @@
 // turns far raises the merit before it falls; a merit 1e5 times as large ends that. Then the same with a
 // shifted Jacobian, the shift shrinking as steps serve; with steps held in the cones, whose pulled contacts
 // leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
-// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where a Newton
-// stalls on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
+// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where Newton stalls, shifted
+// too, on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
 // the result says so; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more
 // round with the budgets again. An open contact costs one comparison in a sweep. Deadline: looked at after
 // every sweep and before every LU, whose cost is predicted from the last ones. Newton ends in time for two
