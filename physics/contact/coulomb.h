@@ -42,6 +42,9 @@
 
 namespace hapticd {
 
+constexpr double inside_the_cone = 1 - 1e-6;  // a contact sticks with ‖λ_t‖ / (μ λ_n) below this …
+constexpr double sticking_slip = 1e-6;        // … or with less slip than this, of tr W_ii/3 · ‖λ_i‖
+
 struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;
