@@ -1,5 +1,6 @@
 // haptic chart tissue: the checks of tissue_check.h, and strokes into two lenses (stroke_trial.h).
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -50,13 +51,14 @@ struct StrokeRow {
   StrokeReport report;
 };
 
-// Forces of half the step against the whole one, of one stroke without removals.
+// Forces of one stroke without removals at a step, against those of the finest step and of half of it.
 struct Refinement {
   std::string mesh;
   Law law;
-  double depth, h, difference;  // rms over the finest one's rms
-  int inverted_steps;           // of the finest one
+  double depth, h, difference, from_half;  // rms over the other's rms; from_half: 0 where none was run
+  int inverted_steps;                      // of the finest one
 };
+constexpr std::array<double, 5> refined_steps = {20e-3, 8e-3, 4e-3, 2e-3, 1e-3};
 
 struct Strokes {
   std::vector<StrokeRow> rows;
@@ -75,6 +77,9 @@ double rms_difference(const std::vector<double>& a, const std::vector<double>& b
 // A burst: a millisecond that changes the force by half of the largest there is.
 constexpr double burst = 0.5;
 
+// Of a first-order method: what halving the step changes is what is left of the error.
+constexpr double converged = 0.015;
+
 void check_strokes(const StrokeRow& row, TissueFindings& findings) {
   const StrokeReport& r = row.report;
   const std::string name = "strokes of 2 mm, " + row.settings.mesh + ", " + name_of(row.settings.law) + ": ";
@@ -82,6 +87,17 @@ void check_strokes(const StrokeRow& row, TissueFindings& findings) {
   findings.check(name + "numbers that are none, and refusals", 0, r.not_finite + r.refused, 0, source);
   findings.check(name + "force left when the tip is clear [N]", 0, r.left_after, 1e-6, source);
   findings.check(name + "largest change in 1 ms over the peak", 0, r.largest_change / r.peak, burst, source);
+}
+
+// Inside out nothing converges, and nothing is claimed.
+void check_refinement(const Refinement& r, TissueFindings& findings) {
+  const std::string name = (r.depth < 1.5e-3 ? "a stroke of 1 mm, " : "a stroke of 2 mm, ") + r.mesh + ", " +
+                           name_of(r.law) + ": force at steps of 2 ms against 1 ms";
+  if (r.inverted_steps > 0)
+    findings.skipped.push_back(name + ": some element is inside out in " + std::to_string(r.inverted_steps) +
+                               " of the finest run's steps");
+  else
+    findings.check(name, 0, r.from_half, converged, "half-step reference");
 }
 
 template <class Wanted, class Progress>
@@ -103,8 +119,7 @@ Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progr
     row.settings.law = c.law;
     row.report = run_strokes(row.settings, false, alive(c.name));
     if (interrupted()) return strokes;
-    // The co-rotational law is charted on the fine elements, and not claimed for them.
-    if (c.law == Law::guarded || row.settings.mesh == "lens") check_strokes(row, findings);
+    check_strokes(row, findings);
     strokes.rows.push_back(std::move(row));
   }
   if (options.quick || !wanted(refinement_part)) return strokes;
@@ -116,18 +131,21 @@ Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progr
       one.depth = depth;
       one.removal = false;
       std::vector<StrokeReport> by_step;
-      for (const double h : {20e-3, 10e-3, 4e-3, 2e-3}) {
+      for (const double h : refined_steps) {
         one.h = h;
         one.steps = static_cast<int>(std::lround(0.52 / h));
         one.episode = one.steps;
         by_step.push_back(run_strokes(one, true, alive("half steps")));
         if (interrupted()) return strokes;
       }
-      const double steps[] = {20e-3, 10e-3, 4e-3};
-      for (int k = 0; k < 3; ++k)
-        strokes.refinements.push_back({c.mesh, c.law, depth, steps[k],
-                                       rms_difference(by_step[k].force, by_step[3].force),
-                                       by_step[3].inverted_steps});
+      const StrokeReport& finest = by_step.back();
+      for (std::size_t k = 0; k + 1 < refined_steps.size(); ++k) {
+        const bool halved = refined_steps[k] == 2 * refined_steps[k + 1];
+        strokes.refinements.push_back(
+            {c.mesh, c.law, depth, refined_steps[k], rms_difference(by_step[k].force, finest.force),
+             halved ? rms_difference(by_step[k].force, by_step[k + 1].force) : 0, finest.inverted_steps});
+      }
+      check_refinement(strokes.refinements.back(), findings);
     }
   return strokes;
 }
@@ -157,6 +175,7 @@ void add_json(nlohmann::ordered_json& json, const Strokes& strokes) {
                                     {"depth_mm", 1e3 * r.depth},
                                     {"h_ms", 1e3 * r.h},
                                     {"rms_difference", r.difference},
+                                    {"rms_difference_from_half", r.from_half},  // 0: none was run
                                     {"inverted_steps", r.inverted_steps}});
 }
 
@@ -170,11 +189,13 @@ void print_strokes(const Strokes& strokes) {
         1e3 * r.largest_change, 1e3 * r.largest_change_in_step, 1e3 * r.change_p999, r.inverted_steps,
         r.most_inverted, r.least_volume, r.steps_ms);
   }
-  for (const Refinement& r : strokes.refinements)
+  for (const Refinement& r : strokes.refinements) {
     std::printf(
-        "  %-11s %-12s %.1f mm, step %4.0f ms: %5.1f %% from a step of 2 ms (inside out in %d of its "
-        "steps)\n",
+        "  %-11s %-12s %.1f mm, step %4.0f ms: %5.1f %% from a step of 1 ms (inside out in %d of its steps)",
         r.mesh.c_str(), name_of(r.law), 1e3 * r.depth, 1e3 * r.h, 100 * r.difference, r.inverted_steps);
+    if (r.from_half > 0) std::printf(", %.1f %% from its half", 100 * r.from_half);
+    std::printf("\n");
+  }
 }
 
 nlohmann::ordered_json to_json(const TissueFindings& findings) {

@@ -19,7 +19,7 @@ namespace hapticd {
 
 namespace {
 
-constexpr double tick = 1e-3;
+constexpr double longest_tick = 1e-3;  // what a device gets; changes of force are per this
 constexpr double clearance = 0.2e-3;  // above the surface, where a stroke begins and ends
 
 double between(std::mt19937_64& random, double low, double high) {
@@ -73,6 +73,7 @@ class Strokes {
     return sample;
   }
   bool clear() const { return clear_; }  // at the last time asked for
+  int steps_per_stroke() const { return static_cast<int>(std::lround(period_ / settings_.h)); }
 
  private:
   StrokeSettings settings_;
@@ -111,10 +112,12 @@ class Trial {
     // So wide that no motion of these is refused; its limits act on what is sent, not on what is reported.
     scene_.device.max_speed = 1e3;
     scene_.device.workspace_radius = 1;
+    options_ = haptic_options(scene);
   }
 
   // From `begin` on, the next simulation step and its ticks; what was published before is felt until h/2.
   void step(double begin) {
+    const double tick = std::min(longest_tick, settings_.h / 2);  // so that h/2 falls on one
     const int ticks = static_cast<int>(std::lround(settings_.h / tick)), half = ticks / 2;
     int asked = 0;
     const auto started = std::chrono::steady_clock::now();
@@ -133,7 +136,7 @@ class Trial {
         std::swap(problem_, next_);
         fresh_ = true;
       }
-      feel(begin + k * tick);
+      feel(begin + k * tick, tick);
     }
   }
   double spent_ms() const { return std::chrono::duration<double, std::milli>(spent_).count(); }
@@ -141,12 +144,12 @@ class Trial {
   bool keep_force = false;
 
  private:
-  void feel(double t) {
+  void feel(double t, double tick) {
     const std::int64_t now = 1'000'000'000 + std::llround(1e9 * t);
     const InstrumentSample at = strokes_.at(t);
     HapticInput input;
     input.now_ns = now;
-    input.period_ns = 1'000'000;
+    input.period_ns = std::llround(1e9 * tick);
     input.presence.connected = true;
     input.presence.new_client = sequence_ == 0;
     input.taken = true;
@@ -155,14 +158,14 @@ class Trial {
     input.sample.pose = on_device(scene_.device, at.pose);
     input.sample.enable = true;
     if (fresh_) problem_->published_ns = now;
-    HapticOptions options;
-    options.contact.margin = contact_margin * scene_.alarm_distance;
     const ForceSample answer = haptic_step(problem_->step > 0 ? problem_.get() : nullptr,
-                                           world_->instrument(), scene_.device, options, input, *haptic_);
+                                           world_->instrument(), scene_.device, options_, input, *haptic_);
     report_.solver_caps = std::max(report_.solver_caps, static_cast<int>(answer.solver_caps));
     if (answer.status & (status_not_finite | status_latched)) ++report_.refused;
     const Vec3 force = haptic_->rendered.force / scene_.device.force_scale;
     if (!force.allFinite() || !answer.force.allFinite()) ++report_.not_finite;
+    const double since = t / longest_tick;
+    if (std::abs(since - std::round(since)) > 1e-6) return;
     const double change = (force - last_).norm();
     if (problem_->step > 0 && seen_) {
       report_.peak = std::max(report_.peak, force.norm());
@@ -185,6 +188,7 @@ class Trial {
   Scene scene_;
   Strokes& strokes_;
   StrokeReport& report_;
+  HapticOptions options_;
   std::unique_ptr<World> world_;
   std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
   std::unique_ptr<CondensedProblem> next_ = std::make_unique<CondensedProblem>();
@@ -204,10 +208,13 @@ StrokeReport run_strokes(const StrokeSettings& settings, bool keep_force,
   Strokes strokes(settings, scene.bodies[0].mesh);
   std::vector<double> changes;
   double spent = 0;
-  for (int done = 0; done < settings.steps; done += settings.episode) {
+  // A fresh lens is never put around a tip: episodes are of whole strokes.
+  const int per_stroke = strokes.steps_per_stroke();
+  const int episode = std::max(1, settings.episode / per_stroke) * per_stroke;
+  for (int done = 0; done < settings.steps; done += episode) {
     Trial trial(settings, scene, strokes, report);
     trial.keep_force = keep_force;
-    const int steps = std::min(settings.episode, settings.steps - done);
+    const int steps = std::min(episode, settings.steps - done);
     for (int k = 0; k < steps; ++k) {
       trial.step((done + k) * settings.h);
       if (k % 25 == 0 && !progress(static_cast<double>(done + k) / settings.steps)) return report;

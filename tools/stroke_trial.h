@@ -5,8 +5,8 @@
 //
 // A simulation step begins at t, latches the newest pose at t + h/4, and what it publishes is felt from t +
 // h/2 on; haptic_step runs every millisecond on the scene's device, whose forces are reported before its
-// limits, in the scene's newtons. A fresh lens every `episode` steps. Deterministic: a function of the
-// settings. Units: m, s, N.
+// limits, in the scene's newtons; a step below 2 ms has two ticks. A fresh lens every `episode` steps, cut to
+// whole strokes: none is put around a tip. Deterministic: a function of the settings. Units: m, s, N.
 #pragma once
 
 #include <functional>

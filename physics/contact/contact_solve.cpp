@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "physics/contact/placed_instrument.h"
+#include "physics/contact/let_through.h"
 
 namespace hapticd {
 namespace {
+
+constexpr int most_returns = 3;  // to a linearisation whose solve let tissue through
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
   return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
@@ -127,21 +129,39 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   displaced_patch(problem, state.memory, scratch.x);
   out.instrument = X_start;
   const int linearisations = std::max(1, options.linearisations);
+  PatchPositions x_lin;
+  Pose X_lin;
+  const auto build = [&](const Reached* reached) {
+    build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, margin, scratch.rows,
+               reached);
+    ++scratch.matrix_version;
+  };
+  // False if the solver met no number.
+  const auto solve = [&](int later) {
+    warm_start(scratch.working, scratch);
+    solve_rows(options, later, scratch, out);
+    if (out.status == SolveStatus::not_finite) return false;
+    displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
+    out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
+    out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
+    remember_linearisation(scratch);
+    return true;
+  };
   for (int k = 0; k < linearisations; ++k) {
     if (k > 0 && options.deadline.passed()) {
       out.status = SolveStatus::deadline;
       break;
     }
-    build_rows(problem, instrument, X_free, out.instrument, scratch.x, K_inv, scratch.working, margin,
-               scratch.rows);
-    ++scratch.matrix_version;
-    warm_start(scratch.working, scratch);
-    solve_rows(options, linearisations - 1 - k, scratch, out);
-    if (out.status == SolveStatus::not_finite) return;
-    displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
-    out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
-    out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
-    remember_linearisation(scratch);
+    x_lin = scratch.x;
+    X_lin = out.instrument;
+    build(nullptr);
+    if (!solve(linearisations - 1 - k)) return;
+    for (int again = 0; again < most_returns && !options.deadline.passed(); ++again) {
+      const Reached end{scratch.x, out.instrument};
+      if (!lets_through(problem, instrument, X_lin, x_lin, margin, end)) break;
+      build(&end);
+      if (!solve(linearisations - 1 - k)) return;
+    }
   }
   if (usable(options, out))
     remember_solve(problem, scratch, state.memory,

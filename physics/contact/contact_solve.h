@@ -3,7 +3,10 @@
 //   repeat `linearisations` times:
 //     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
 //
-// The first linearisation is at the last solve's forces and coupling offset, found again by sample id.
+// The first linearisation is at the last solve's forces and coupling offset, found again by sample id; where
+// a sample that bore force is gone, at x_now (rows.h). What no row holds may spring through the instrument,
+// where normals point out on its wrong side: a solve that leaves a sample deeper than `margin` is repeated at
+// its own linearisation, with the samples that it let through as rows too, at most three times.
 // Virtual coupling with a massless proxy: e = X_device ⊖ X_instrument,
 //   K e + B (e − e_prev)/T + Jᵀλ = 0  ⇒  e = K_eff⁻¹ (B/T e_prev − Jᵀ λ),  K_eff = K + B/T,
 // so the coupling enters W as J K_eff⁻¹ Jᵀ and the free instrument pose is X_device ⊖ K_eff⁻¹ (B/T) e_prev.
@@ -18,7 +21,8 @@
 // 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that adds up until it shows.
 // Deadline: a linearisation that it leaves no time for is left out, and the status says so.
 // Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free pose.
-// Guarantee: no allocation, wait-free, bounded by linearisations × (rows + solver's bound); 128 kB of stack.
+// Guarantee: no allocation, wait-free, bounded by 4 linearisations × (rows + solver's bound); 128 kB of
+// stack.
 // Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 

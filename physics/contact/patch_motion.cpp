@@ -26,6 +26,13 @@ void apply_compliance(const CondensedProblem& problem, const NodeForces& f, Patc
     x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
 }
 
+const PatchSample* find_sample(const CondensedProblem& problem, std::uint64_t id) noexcept {
+  const auto begin = problem.sample.begin(), end = begin + problem.samples;
+  const auto found =
+      std::lower_bound(begin, end, id, [](const PatchSample& s, std::uint64_t key) { return s.id < key; });
+  return found != end && found->id == id ? &*found : nullptr;
+}
+
 }  // namespace
 
 const ContactMemory::Entry* ContactMemory::find(std::uint64_t id) const noexcept {
@@ -47,15 +54,23 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
   apply_compliance(problem, f, x);
 }
 
+bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept {
+  return std::any_of(memory.entry.begin(), memory.entry.begin() + memory.count,
+                     [&](const ContactMemory::Entry& e) {
+                       return !e.lambda.isZero(0) && find_sample(problem, e.id) == nullptr;
+                     });
+}
+
 void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
                      PatchPositions& x) noexcept {
-  NodeForces f{};
-  const auto begin = problem.sample.begin(), end = begin + problem.samples;
-  for (int m = 0; m < memory.count; ++m) {
-    const auto found = std::lower_bound(begin, end, memory.entry[m].id,
-                                        [](const PatchSample& s, std::uint64_t id) { return s.id < id; });
-    if (found != end && found->id == memory.entry[m].id) add_force(*found, memory.entry[m].lambda, f);
+  if (forgets(problem, memory)) {
+    std::copy_n(problem.x_now.begin(), problem.nodes, x.begin());
+    return;
   }
+  NodeForces f{};
+  for (int m = 0; m < memory.count; ++m)
+    if (const PatchSample* sample = find_sample(problem, memory.entry[m].id))
+      add_force(*sample, memory.entry[m].lambda, f);
   apply_compliance(problem, f, x);
 }
 

@@ -5,12 +5,11 @@
 
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/delassus.h"
+#include "physics/contact/let_through.h"
 #include "physics/contact/placed_instrument.h"
 
 namespace hapticd {
 namespace {
-
-constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
 
 bool same_face(const PatchSample& a, const PatchSample& b) noexcept {
   constexpr int index_bits = 12;  // of a sample's id; the face is above them
@@ -30,8 +29,10 @@ bool face_near(const PatchSample& s, const PlacedInstrument& instrument, const P
 
 // Samples that become rows, by sample index (which is by id), each row with sample, gap and, in its frame's
 // first column, normal. Counts the overlapping ones that did not fit.
-void select(const CondensedProblem& problem, const PlacedInstrument& instrument, const PatchPositions& x,
-            double margin, ContactRows& rows) noexcept {
+void select(const CondensedProblem& problem, const PlacedInstrument& instrument, const Pose& X_lin,
+            const PatchPositions& x, double margin, const Reached* reached, ContactRows& rows) noexcept {
+  const Vec6 moved = reached ? difference(reached->X, X_lin) : Vec6(Vec6::Zero());
+  const double reach = reached ? std::max(margin, problem.alarm_distance) : margin;
   std::array<ContactCandidate, max_patch_samples> candidate;
   const auto take = [&rows](int i, int sample, const Gap& gap) {
     rows.row[i].sample = sample;
@@ -45,12 +46,14 @@ void select(const CondensedProblem& problem, const PlacedInstrument& instrument,
     const PatchSample& sample = problem.sample[k];
     const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
     if (next) ++face;
-    if (next || k == 0) near = face_near(sample, instrument, x, margin);
+    if (next || k == 0) near = face_near(sample, instrument, x, reach);
     if (!near) continue;
     const Vec3 s = sample_position(problem, x, k);
-    if (!instrument.near(s, margin)) continue;
+    if (!instrument.near(s, reach)) continue;
     const Gap gap = instrument.gap(s);
-    if (!(gap.distance < margin && gap.normal.dot(sample.outward) < facing_away)) continue;
+    if (!(gap.distance < reach && gap.normal.dot(sample.outward) < facing_away)) continue;
+    if (!(gap.distance < margin) && !(gap_reached(problem, k, s, gap, X_lin, moved, reached->x) < 0))
+      continue;
     if (count < max_contacts) take(count, k, gap);
     candidate[count++] = {gap.distance, k, face};
   }
@@ -92,8 +95,9 @@ Mat3 contact_frame(const Vec3& n) noexcept {
 
 void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
-                const ContactMemory& memory, double margin, ContactRows& rows) noexcept {
-  select(problem, PlacedInstrument(instrument, X_lin), x_lin, margin, rows);
+                const ContactMemory& memory, double margin, ContactRows& rows,
+                const Reached* reached) noexcept {
+  select(problem, PlacedInstrument(instrument, X_lin), X_lin, x_lin, margin, reached, rows);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i)
     if (problem.sample[rows.row[i].sample].friction > 0) rows.rows_per_contact = 3;

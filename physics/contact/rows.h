@@ -79,6 +79,15 @@ struct ContactMemory {
 // Positions of the patch's nodes that rows are linearised at (x_free to begin with).
 using PatchPositions = std::array<Vec3, max_patch_nodes>;
 
+// Where an earlier solve took patch and instrument.
+struct Reached {
+  const PatchPositions& x;
+  Pose X;
+};
+
+// Whether a sample that bore force is gone: its face was removed.
+bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept;
+
 // Place of a sample when the patch's nodes are at x.
 Vec3 sample_position(const CondensedProblem& problem, const PatchPositions& x, int sample) noexcept;
 
@@ -89,10 +98,12 @@ Mat3 contact_frame(const Vec3& n) noexcept;
 // Selects contacts and fills `rows` with frames, δ_free and W for the instrument's free pose X
 // (device pose, plus the coupling's memory) and for the linearisation pose X_lin of the instrument;
 // K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap at the
-// linearisation is below `margin` become rows.
+// linearisation is below `margin` become rows; with `reached` those too that an earlier solve of fewer rows,
+// at the same linearisation, took through the instrument (linearised gap there < 0).
 void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
-                const ContactMemory& memory, double margin, ContactRows& rows) noexcept;
+                const ContactMemory& memory, double margin, ContactRows& rows,
+                const Reached* reached = nullptr) noexcept;
 
 // q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for another free pose:
 // δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.
@@ -106,7 +117,8 @@ Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambd
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows,
                      std::span<const double> lambda, PatchPositions& x) noexcept;
 
-// The same for the forces of a previous solve, found by sample id; forgotten samples carry none.
+// The same for the forces of a previous solve, found by sample id; x = x_now where one of them is
+// forgotten, for without it what it held would spring through the instrument.
 void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
                      PatchPositions& x) noexcept;
 

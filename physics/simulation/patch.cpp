@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace hapticd {
 namespace {
@@ -48,6 +49,38 @@ const std::vector<std::array<double, 3>>& sample_weights(int k) {
   return tables[k];
 }
 
+int PatchGatherer::deformable_nodes(const Bodies& bodies, std::span<const Candidate> candidates) {
+  int count = 0;
+  for (const Candidate& c : candidates) {
+    const Body& body = bodies[c.face.body];
+    for (const int n : body.surface.faces()[c.face.face].nodes)
+      if (body.deformable && patch_index_[c.face.body][n] < 0) patch_index_[c.face.body][n] = count++;
+  }
+  for (const Candidate& c : candidates)
+    for (const int n : bodies[c.face.body].surface.faces()[c.face.face].nodes)
+      patch_index_[c.face.body][n] = -1;
+  return count;
+}
+
+double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instrument& instrument,
+                                         const Pose& X) const {
+  constexpr int parts = 4;
+  const Triangle& t = body.surface.faces()[face].nodes;
+  double nearest = std::numeric_limits<double>::max();
+  for (int p = 0; p <= parts; ++p) {
+    std::array<Vec3, 3> x;
+    for (int c = 0; c < 3; ++c) {
+      x[c] = body.state.x[t[c]];
+      if (body.deformable) x[c] += static_cast<double>(p) / parts * body.dx_free.segment<3>(3 * t[c]);
+    }
+    for (const auto& w :
+         sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
+      nearest = std::min(nearest, gap_at(instrument, X, weighted(w, x[0], x[1], x[2])).distance);
+    if (!body.deformable) break;
+  }
+  return nearest;
+}
+
 void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double alarm,
                            std::span<const NearFace> near, CondensedProblem& problem) {
   patch_index_.resize(bodies.size());
@@ -67,6 +100,9 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
               .distance);
     if (nearest < alarm) candidates_.push_back({nearest, n});
   }
+  if (deformable_nodes(bodies, candidates_) > max_patch_nodes)
+    for (Candidate& c : candidates_)
+      c.gap = nearest_on_the_way(bodies[c.face.body], c.face.face, instrument, X);
   std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
     return a.gap != b.gap ? a.gap < b.gap
                           : std::pair(a.face.body, a.face.face) < std::pair(b.face.body, b.face.face);

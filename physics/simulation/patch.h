@@ -3,8 +3,10 @@
 // A triangle is divided into k² equal parts, k = ⌈√(A/spacing²)⌉ of its *rest* area A, and each part's
 // centroid is a sample: fixed in the material, about `spacing` apart, never on an edge. A sample's id
 // is (body, face, index in the face), so that contact memory finds it again in the next patch.
-// Faces join in the order of their nearest sample until the patch's nodes are full; faces of rigid
-// bodies need no nodes. Samples beyond capacity are counted in `dropped_samples`.
+// Faces join in the order of their nearest sample until the patch's nodes are full. Where they do not all
+// fit, in the order of how near the free motion takes them on its way: what a retracting instrument held down
+// is farther than much of what is beside it, and is met before. Faces of rigid bodies need no nodes. Samples
+// beyond capacity are counted in `dropped_samples`.
 // Units: m. Allocates: for the simulation thread only.
 #pragma once
 
@@ -39,6 +41,9 @@ class PatchGatherer {
     double gap;
     NearFace face;
   };
+
+  int deformable_nodes(const Bodies& bodies, std::span<const Candidate> candidates);
+  double nearest_on_the_way(const Body& body, int face, const Instrument& instrument, const Pose& X) const;
 
   double spacing_;
   std::vector<PatchNode> nodes_;

@@ -41,10 +41,12 @@ class InstrumentSide {
   VecX lambda;
 
   void linearise(const BodyContacts& contacts) {
-    if (frozen_)
+    // Where a force is forgotten, the last solve's geometry: rows.h.
+    if (frozen_ || (first_ && forgets(problem_, state_.memory)))
       scratch_.x = problem_.x_now;
     else
       contacts.patch_positions(scratch_.x);
+    first_ = false;
     ContactRows& rows = scratch_.rows;
     build_rows(problem_, instrument_, X_free_, X_, scratch_.x, K_inv_, working_, margin_, rows);
     ++scratch_.matrix_version;
@@ -134,6 +136,7 @@ class InstrumentSide {
   ContactMemory working_;
   double margin_;
   bool frozen_;
+  bool first_ = true;
 };
 
 }  // namespace

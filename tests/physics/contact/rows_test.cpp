@@ -251,5 +251,21 @@ TEST(Rows, DisplacedPatchIsFreePlusComplianceTimesForces) {
   }
 }
 
+// Without it the patch would be drawn where it springs to, through the instrument.
+TEST(Rows, DisplacedPatchStaysWhereItIsWhenAForceIsForgotten) {
+  const Scene s = pressed(10, 0.3);
+  for (int a = 0; a < s.problem->nodes; ++a) s.problem->x_now[a] = Vec3(a, 0, 1);
+  const std::uint64_t gone = s.problem->sample[s.problem->samples - 1].id + 1;
+  ContactMemory memory;
+  memory.count = 2;
+  memory.entry[0] = {s.problem->sample[0].id, Vec3(0, 0, -1e-3), Vec3::Zero(), false};
+  PatchPositions x;
+  for (const double force : {0.0, 1e-3}) {
+    memory.entry[1] = {gone, Vec3(0, 0, -force), Vec3::Zero(), false};
+    displaced_patch(*s.problem, memory, x);
+    for (int a = 0; a < s.problem->nodes; ++a) EXPECT_EQ(x[a] == s.problem->x_now[a], force > 0);
+  }
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -130,5 +130,43 @@ TEST(Patch, SamplesAreMaterialPointsOfBothBodies) {
   EXPECT_GT(soft, 5);
 }
 
+// A fine floor that the tip held down and has just left: what springs back comes before what is only near.
+TEST(Patch, WhatTheTipHeldDownHasAPlaceWhereNotAllNodesHaveOne) {
+  Bodies bodies;
+  BodySettings floor{"floor", true, box_mesh(Vec3(4e-3, 4e-3, 1e-3), 20, 20, 2), {3000, 0.45, 1000, 0, 0}, {},
+                     0,       true};
+  floor.fixed_nodes = floor.mesh.group("bottom")->nodes;
+  bodies.emplace_back(std::move(floor), 0.02, Vec3::Zero());
+  Body& body = bodies.back();
+  std::set<int> held;
+  for (int n = 0; n < body.model.node_count(); ++n) {
+    Vec3& x = body.state.x[n];
+    const double aside = (x - Vec3(2e-3, 2e-3, x.z())).norm();
+    if (x.z() < 0.99e-3 || aside > 0.45e-3) continue;
+    held.insert(n);
+    x.z() -= 0.6e-3;
+    body.dx_free[3 * n + 2] = 0.6e-3;
+  }
+  ASSERT_GT(held.size(), 10u);
+  Instrument instrument;
+  Primitive tip;
+  tip.shape = Shape::sphere;
+  tip.radius = 0.6e-3;
+  instrument.primitives = {tip};
+  const Pose X{Vec3(2e-3, 2e-3, 1.55e-3), Quat::Identity()};
+  Collision collision(instrument, 0.8e-3);
+  collision.add_body(body.surface.faces(), body.state.x);
+  std::vector<NearFace> near;
+  collision.near_faces(X, near);
+  PatchGatherer gatherer(2e-4);
+  auto problem = std::make_unique<CondensedProblem>();
+  gatherer.gather(bodies, instrument, X, 0.8e-3, near, *problem);
+  EXPECT_GT(problem->dropped_samples, 0);
+  EXPECT_LE(problem->nodes, max_patch_nodes);
+  std::size_t found = 0;
+  for (const PatchNode& n : gatherer.nodes()) found += held.contains(n.node);
+  EXPECT_EQ(found, held.size());
+}
+
 }  // namespace
 }  // namespace hapticd
