@@ -52,7 +52,7 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
       return published;
     }
     PatchPositions before;
-    std::copy_n(published.x_free.begin(), published.nodes, before.begin());
+    std::copy_n(published.x_now.begin(), published.nodes, before.begin());
     if (patch.step > 0) carry_over(patch.problem, patch.before, published, before);
     copy_in_use(published, patch.problem);
     patch.before = before;

@@ -182,7 +182,7 @@ HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
     options.contact.coulomb.max_sweeps = o.sweeps_only;
     options.usable_residual = 1;  // an answer for as much work as was asked for, whatever it is worth
   }
-  options.blend_time = std::max(o.blend_time, instant);
+  options.blend_time = o.blend_time;
   if (o.limits) return options;
   constexpr std::int64_t never = std::int64_t{1} << 60;
   options.watchdog.problem_old_ns = options.watchdog.problem_lost_ns = never;
