@@ -69,7 +69,7 @@ def force_details(data):
     for run in data.get("runs", []):
         points = [p for p in data["points"] if (p["trajectory"], p["removals"]) == (run["trajectory"], run["removals"])]
         removals = f", {run['removals']} elements removed per 20 ms" if run["removals"] else ""
-        state = (f"half a step changes the reference by {percent(run['half_step_rms_rel'])} % of the peak, "
+        state = (f"half a step of {run['reference_step_ms']} ms changes the reference by {percent(run['half_step_rms_rel'])} % of the peak, "
                  f"{run['inverted']} elements inverted")
         if not run["reference_converged"]:
             state = f'<span class="bad">reference not converged</span>: {state}'
@@ -78,6 +78,7 @@ def force_details(data):
         in_space = any("space_rms_rel" in p for p in points)
         head = ["", "CPU, ms/s", "haptic p99, µs", "RMS error, % of peak", "largest, %", "jump at swaps p95, %",
                 "buzz, mN", "onset, ms", "overlap, µm", "memory, MB"]
+        head += ["felt RMS, %", "felt largest, %"] if run["removals"] else []
         head += ["mesh error, %", "mesh and time, %"] if in_space else []
         rows = []
         for p in sorted(points, key=lambda p: p["cpu_ms_per_s"]):
@@ -86,9 +87,15 @@ def force_details(data):
                    f"{p['haptic_us_p99']:.0f}", percent(p["force_rms_rel"]), percent(p["force_max_rel"], 1),
                    percent(p["swap_jump_p95_rel"]), f"{1e3 * p['buzz_rms_n']:.4f}", f"{p['onset_ms']:.0f}",
                    f"{p['penetration_um']:.2f}", f"{p['memory_mb']:.1f}"]
+            if run["removals"]:
+                row += [percent(p["felt_rms_rel"]), percent(p["felt_max_rel"], 1)]
             if in_space:
                 row += [percent(p["space_rms_rel"]), percent(p["space_and_time_rms_rel"])] if "space_rms_rel" in p else ["", ""]
             rows.append((kind, row))
+        if run["removals"]:
+            parts.append("<p>The errors have the delay of a removal in them: an element that the simulation takes at the "
+                         "begin of a step is felt to be gone 10 ms later. <i>Felt</i> are the errors against a reference "
+                         "that loses it then.</p>")
         parts.append(table(head, rows))
     if data.get("notes"):
         parts.append("<h3>What a reader would wonder about</h3><ul>"

@@ -84,7 +84,7 @@ class Simulation {
     settings.compliance_options.warping = options.warping;
     settings.newest_pose = options.newest_pose;
     settings.fresh_free_motion = options.fresh_free_motion;
-    if (!options.look_ahead) settings.lead = 0;
+    if (options.lead) settings.lead = *options.lead * h_;
     const bool ahead = settings.lead > 0 && settings.contact == Renewal::renewed && options.fresh_free_motion;
     latch_ = std::min(options.latch_after.value_or(ahead ? 1e-3 : 6e-3), h_ - tick);
     if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;

@@ -42,8 +42,7 @@ void linearise_ahead(Body& body, double h) {
       subtract_stiffness(body, body.dx_free, material.rayleigh_stiffness / h, f);
     const double per_mass = 1 / (h * h) + material.rayleigh_mass / h;
     for (int n = 0; n < m.node_count(); ++n)
-      f.segment<3>(3 * n) +=
-          state.mass[n] * (state.v[n] / h - per_mass * body.dx_free.segment<3>(3 * n));
+      f.segment<3>(3 * n) += state.mass[n] * (state.v[n] / h - per_mass * body.dx_free.segment<3>(3 * n));
   }
   for (int n = 0; n < m.node_count(); ++n)
     if (m.fixed[n] || state.live_tets_of_node[n] == 0) f.segment<3>(3 * n).setZero();

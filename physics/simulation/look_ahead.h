@@ -5,11 +5,11 @@
 //   Δx_free = Δx_p + A_p⁻¹ (M v/h + f_ext + f_int(x_p) − (M (1/h² + α/h) + β/h K_p) Δx_p)
 //
 // One Newton step of the next time step from x_p instead of x. A published problem is in use from some 0.4 h
-// after its pose to 1.4 h: linearised at that pose, tissue that a moving tip comes to has stiffness and shape of
-// before it came, and as the energy with rotations held is never below the true one, forces are too high.
-// Where nothing moves, x_p = x and this is fresh_free_motion with its factor fresh too. The state is left as it
-// was but for the rotations, which are R_p: they are what the compliance holds.
-// Units: SI. Shapes: Δx_p has 3·nodes entries. Errors: std::runtime_error from the factor of a singular body.
+// after its pose to 1.4 h: linearised at that pose, tissue that a moving tip comes to has stiffness and shape
+// of before it came, and as the energy with rotations held is never below the true one, forces are too high.
+// Where nothing moves, x_p = x and this is fresh_free_motion with its factor fresh too. The state is left as
+// it was but for the rotations, which are R_p: they are what the compliance holds. Units: SI. Shapes: Δx_p
+// has 3·nodes entries. Errors: std::runtime_error from the factor of a singular body.
 #pragma once
 
 #include "physics/simulation/body.h"

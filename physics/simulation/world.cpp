@@ -10,8 +10,8 @@
 namespace hapticd {
 namespace {
 
-constexpr double zone_keep = 1.15;  // in alarm distances: every node this near must be in the zone
-constexpr double zone_reach = 1.6;  // … and a new zone reaches this far
+constexpr double zone_keep = 1.15;     // in alarm distances: every node this near must be in the zone
+constexpr double zone_reach = 1.6;     // … and a new zone reaches this far
 constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
 constexpr std::size_t max_zone_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
