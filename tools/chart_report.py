@@ -19,7 +19,9 @@ a single loop that solves everything each millisecond. The line is the front: no
 found. The star is what the daemon does unless it is told otherwise. Hollow marks do not count: halving the
 reference's step still changes its force by more than 0.5 % of the peak, or an element turned inside out."""),
     "tissue": ("How exact the tissue is", "The finite elements against answers known by hand or from finer meshes."),
-    "step": ("What a simulation step costs", "The parts of a step, over the size of the body."),
+    "step": ("What a simulation step costs", "The factorisation of a lens, our own and CHOLMOD's."),
+    "economy": ("No more model than a scene needs", """
+What the plan of <code>model: auto</code> chose for each scene, its error and its cost, beside everything modelled."""),
     "removal": ("What removing an element costs", """
 Elements are taken out one by one. Lines that rise pay for every element ever removed; flat lines do not.
 The second row is the error of the compliance that comes out, the third the memory it takes."""),
@@ -106,7 +108,23 @@ def force_details(data):
     return "".join(parts)
 
 
-DETAILS = {"force": force_details}
+def economy_details(data):
+    rows = []
+    for scene in data["scenes"]:
+        for what in ("chosen", "whole"):
+            m = scene[what]
+            rows.append(("chosen" if what == "chosen" else "",
+                         [f"{scene['scene']}: {m['model']}", percent(scene["accuracy"], 1), percent(m["error"]),
+                          f"{m['cost_ms']:.2f}", "" if what == "whole" else "yes" if scene["passed"] else "no"]))
+    return table(["", "asked for, %", "error, % of peak", "a step, ms", "passed"], rows)
+
+
+def step_details(data):
+    rows = [("", [key.replace("_", " "), value]) for key, value in data.items() if isinstance(value, (int, float))]
+    return table(["", ""], rows)
+
+
+DETAILS = {"force": force_details, "economy": economy_details, "step": step_details}
 
 
 def section(folder, entry):

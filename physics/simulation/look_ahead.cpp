@@ -22,7 +22,20 @@ void subtract_stiffness(const Body& body, const VecX& dx, double s, VecX& f) {
   }
 }
 
+double volume(const Body& body, int t, bool ahead) {
+  const Tet& tet = body.model.mesh.tets[t];
+  Corners c = corners_of(tet, body.state.x);
+  for (int a = 0; ahead && a < 4; ++a) c.col(a) += body.dx_free.segment<3>(3 * tet[a]);
+  return (c.col(1) - c.col(0)).cross(c.col(2) - c.col(0)).dot(c.col(3) - c.col(0));
+}
+
 }  // namespace
+
+bool can_look_ahead(const Body& body) {
+  for (int t = 0; t < body.model.tet_count(); ++t)
+    if (body.state.alive[t] && !(volume(body, t, false) > 0 && volume(body, t, true) > 0)) return false;
+  return true;
+}
 
 void linearise_ahead(Body& body, double h) {
   const TissueModel& m = body.model;

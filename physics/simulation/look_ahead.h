@@ -16,6 +16,10 @@
 
 namespace hapticd {
 
+// No tetrahedron inverts, and none is inverted: elsewhere a law linearised at x_p is worth nothing, and its
+// factor may not exist. Body::dx_free: Δx_p.
+bool can_look_ahead(const Body& body);
+
 // Body::dx_free: Δx_p in, Δx_free out.
 void linearise_ahead(Body& body, double h);
 

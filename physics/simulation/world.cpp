@@ -430,9 +430,14 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
       of_body.push_back(nodes[i].node);
       contact_force_.segment<3>(3 * nodes[i].node) += force.segment<3>(3 * static_cast<Eigen::Index>(i));
     }
-    if (!contact_force_.isZero(0)) {
+    const bool touched = !contact_force_.isZero(0);
+    if (touched) {
       body.compliance->apply(contact_force_, contact_force_);
       body.dx_free += contact_force_;
+    }
+    if (!can_look_ahead(body)) {
+      if (touched) body.dx_free -= contact_force_;
+      continue;
     }
     if (sample.present) update_zone(static_cast<int>(b), there, of_body);
     linearise_ahead(body, settings_.h);
