@@ -32,6 +32,7 @@ double volume(const Body& body, int t, bool ahead) {
 }  // namespace
 
 bool can_look_ahead(const Body& body) {
+  if (body.model.material.law == Law::guarded) return false;
   for (int t = 0; t < body.model.tet_count(); ++t)
     if (body.state.alive[t] && !(volume(body, t, false) > 0 && volume(body, t, true) > 0)) return false;
   return true;

@@ -16,7 +16,7 @@
 
 namespace hapticd {
 
-// No tetrahedron inverts, and none is inverted: elsewhere a law linearised at x_p is worth nothing, and its
+// Of the corotational law, where no tetrahedron inverts and none is inverted: elsewhere a law linearised at x_p is worth nothing, and its
 // factor may not exist. Body::dx_free: Δx_p.
 bool can_look_ahead(const Body& body);
 
