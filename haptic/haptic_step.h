@@ -20,7 +20,7 @@ struct HapticOptions {
   WatchdogLimits watchdog;
   ContactOptions contact;
   ViscousOptions viscous;
-  double blend_time = 5e-3;  // [s]
+  double blend_time = 5e-3;  // [s]; 0: none
   // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered: the
   // last good wrench is held for 10 ms, then fades in 90 ms.
   double usable_residual = 1e-3;

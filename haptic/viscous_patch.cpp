@@ -52,8 +52,7 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
       return published;
     }
     PatchPositions before;
-    const PatchPositions& place = published.topology_changed ? published.x_now : published.x_free;
-    std::copy_n(place.begin(), published.nodes, before.begin());
+    std::copy_n(published.x_now.begin(), published.nodes, before.begin());
     if (patch.step > 0) carry_over(patch.problem, patch.before, published, before);
     copy_in_use(published, patch.problem);
     std::copy_n(before.begin(), published.nodes, patch.problem.x_now.begin());

@@ -8,6 +8,8 @@ namespace {
 
 // Steps between two samples of a compliance's error: each costs two solves and an assembly, and what a base
 // is off by changes slowly.
+// When a published problem is used, in steps after its pose was latched: from 0.4 on, for one step.
+constexpr double middle_of_use = 0.9;
 constexpr int error_sample_every = 25;
 // Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
 constexpr double haptic_margin = 0.15;  // in alarm distances
@@ -29,6 +31,7 @@ WorldSettings world_settings(const Scene& scene) {
   settings.compliance_options.base_on_the_spot = false;  // a thread makes them (base_maker.h)
   settings.compliance_options.rounded_base = true;
   settings.compliance_options.sample_every = error_sample_every;
+  settings.lead = middle_of_use / scene.rate;
   settings.coupling = scene.coupling;
   settings.removal = scene.removal;
   for (ContactPair pair : scene.contacts) {

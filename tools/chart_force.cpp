@@ -10,7 +10,8 @@ namespace hapticd {
 
 namespace {
 
-constexpr double reference_step = 1e-3;  // [s]
+constexpr double longest_step = 1e-3;     // of a reference [s]
+constexpr double shortest_step = 250e-6;  // … whose half is the last that is tried
 
 // Pieces of work by about how long they take, for the progress bar.
 class Work {
@@ -47,24 +48,36 @@ double step_weight(const Scene& scene) {
 }
 
 struct Reference {
-  OfflineResult run, half;
+  OfflineResult run;  // the finer of the two that were compared
+  double step = 0;    // the other's [s]
+  int inverted = 0;
   double half_step_rel = 0;
   bool converged = false;
 };
 
-Reference reference_of(const Scene& scene, const OfflineInput& input, const ForceChartSettings& settings,
-                       const std::string& what, Work& work) {
-  const double steps = (input.to - input.from + input.settle) / reference_step * step_weight(scene);
+// Halves the step until two agree, at most `shortest`'s half.
+Reference reference_of(const Scene& scene, const OfflineInput& input, double shortest,
+                       const ForceChartSettings& settings, const std::string& what, Work& work) {
+  const double span = (input.to - input.from + input.settle) * step_weight(scene);
   Reference r;
-  work.begin(what + ", reference", steps);
-  r.run = cached_reference(settings.cache, scene, input, reference_step, work.progress());
-  work.begin(what + ", reference at half the step", 2 * steps);
-  if (work.goes_on())
-    r.half = cached_reference(settings.cache, scene, input, 0.5 * reference_step, work.progress());
-  r.half_step_rel = force_error(r.run.ticks, r.half.ticks).rms_rel;
-  r.converged =
-      work.goes_on() && r.half_step_rel <= converged_within && r.run.inverted + r.half.inverted == 0;
+  work.begin(what + ", reference", span / longest_step);
+  r.run = cached_reference(settings.cache, scene, input, longest_step, work.progress());
+  for (r.step = longest_step; work.goes_on(); r.step /= 2) {
+    work.begin(what + ", reference at half the step", 2 * span / r.step);
+    OfflineResult half = cached_reference(settings.cache, scene, input, r.step / 2, work.progress());
+    r.half_step_rel = force_error(r.run.ticks, half.ticks).rms_rel;
+    r.inverted = r.run.inverted + half.inverted;
+    r.run = std::move(half);
+    r.converged = work.goes_on() && r.half_step_rel <= converged_within && r.inverted == 0;
+    if (r.converged || r.inverted > 0 || r.step < 1.5 * shortest) break;
+  }
   return r;
+}
+
+// The same removals, each as late as a problem that has it comes into use.
+OfflineInput removed_when_published(OfflineInput input) {
+  for (RemovalEvent& e : input.removals) e.t += OfflineOptions{}.publish_after;
+  return input;
 }
 
 ForcePoint point_of(const ForceConfiguration& c, const OfflineInput& input, const OfflineResult& result) {
@@ -162,33 +175,39 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
       if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
       const double span = job.input.to - job.input.from + job.input.settle;
-      whole += 3 * span / reference_step * step_weight(scene);
+      whole += (per_step > 0 ? 30 : 15) * span / longest_step * step_weight(scene);
       for (const ForceConfiguration* c : chosen)
         whole += span * c->rate.value_or(scene.rate) * step_weight(scene);
       jobs.push_back(std::move(job));
     }
   const bool in_space = !settings.quick && !table.finest.empty();
   const Scene finest = in_space ? with_meshes(scene, table.finest) : Scene{};
-  if (in_space) whole += 3 * (jobs[0].input.to - jobs[0].input.from) / reference_step * step_weight(finest);
+  if (in_space) whole += 3 * (jobs[0].input.to - jobs[0].input.from) / longest_step * step_weight(finest);
 
   ForceChart chart;
   chart.default_label = table.default_label;
   Work work(progress, whole);
   for (const Job& job : jobs) {
     const std::string what = job.trajectory + (job.removals > 0 ? " with removals" : "");
-    const Reference own = reference_of(scene, job.input, settings, what, work);
-    Reference finest_reference;
+    const Reference own = reference_of(scene, job.input, shortest_step, settings, what, work);
+    Reference finest_reference, felt;
+    if (job.removals > 0 && work.goes_on())
+      felt = reference_of(scene, removed_when_published(job.input), shortest_step, settings, what + " felt",
+                          work);
     const bool space_here = in_space && &job == &jobs[0];
     if (space_here)
-      finest_reference = reference_of(finest, job.input, settings, what + ", finest mesh", work);
+      finest_reference =
+          reference_of(finest, job.input, longest_step, settings, what + ", finest mesh", work);
 
     ForceRun run;
     run.trajectory = job.trajectory;
     run.removals = job.removals;
     run.removed = own.run.removed;
     run.half_step_rel = own.half_step_rel;
-    run.inverted = own.run.inverted + own.half.inverted;
-    run.converged = own.converged;
+    run.reference_step = own.step;
+    run.felt_half_step_rel = felt.half_step_rel;
+    run.inverted = own.inverted + felt.inverted;
+    run.converged = own.converged && (job.removals == 0 || felt.converged);
     run.reference_cpu_s = own.run.simulation.total;
     run.reference = own.run.ticks;
     for (const ForceConfiguration* c : chosen) {
@@ -198,7 +217,8 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       const Scene as = configured(scene, *c);
       Reference other;
       if (!c->meshes.empty())
-        other = reference_of(with_meshes(scene, c->meshes), job.input, settings, c->label, work);
+        other =
+            reference_of(with_meshes(scene, c->meshes), job.input, shortest_step, settings, c->label, work);
       const Reference& truth = c->meshes.empty() ? own : other;
       work.begin(what + ": " + c->label,
                  (job.input.to - job.input.from + job.input.settle) * as.rate * step_weight(as));
@@ -207,7 +227,8 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       p.trajectory = job.trajectory;
       p.removals = job.removals;
       p.error = force_error(result.ticks, truth.run.ticks);
-      p.reference_converged = truth.converged;
+      p.reference_converged = c->meshes.empty() ? run.converged : other.converged;
+      if (job.removals > 0) p.felt = force_error(result.ticks, felt.run.ticks);
       if (space_here) {
         p.space_rms_rel = force_error(truth.run.ticks, finest_reference.run.ticks).rms_rel;
         p.whole_rms_rel = force_error(result.ticks, finest_reference.run.ticks).rms_rel;

@@ -52,6 +52,11 @@ nlohmann::ordered_json to_json(const ForcePoint& p) {
                               {"reference_converged", p.reference_converged},
                               {"pareto", p.pareto},
                               {"front_factor", rounded(p.front_factor, 3)}};
+  if (p.removals > 0) {
+    j["felt_rms_rel"] = p.felt.rms_rel;
+    j["felt_max_rel"] = p.felt.max_rel;
+    j["felt_swap_jump_p95_rel"] = p.felt.swap_jump_p95_rel;
+  }
   if (p.space_rms_rel >= 0) {
     j["space_rms_rel"] = p.space_rms_rel;
     j["space_and_time_rms_rel"] = p.whole_rms_rel;
@@ -71,7 +76,9 @@ nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
                             {"elements_removed", run.removed},
                             {"from_s", run.reference.empty() ? 0 : run.reference.front().t},
                             {"seconds", rounded(1e-3 * static_cast<double>(run.reference.size()), 3)},
+                            {"reference_step_ms", 1e3 * run.reference_step},
                             {"half_step_rms_rel", run.half_step_rel},
+                            {"felt_half_step_rms_rel", run.felt_half_step_rel},
                             {"inverted", run.inverted},
                             {"reference_cpu_s", rounded(run.reference_cpu_s, 2)},
                             {"reference_converged", run.converged}});
@@ -132,17 +139,22 @@ std::string to_csv(const ForceChart& chart) {
 
 void print_chart(const ForceChart& chart) {
   for (const ForceRun& run : chart.runs) {
-    std::printf("%s, %d removals per 20 ms: half a step differs by %.2f %%, %d inverted%s\n",
-                run.trajectory.c_str(), run.removals, 100 * run.half_step_rel, run.inverted,
+    std::printf("%s, %d removals per 20 ms: half of %g ms differs by %.2f %%, %d inverted%s\n",
+                run.trajectory.c_str(), run.removals, 1e3 * run.reference_step,
+                100 * std::max(run.half_step_rel, run.felt_half_step_rel), run.inverted,
                 run.converged ? "" : ": REFERENCE NOT CONVERGED");
     std::printf("  %-34s %9s %8s %8s %8s %8s %9s %7s\n", "", "CPU ms/s", "p99 µs", "RMS %", "max %", "jump %",
                 "buzz mN", "front");
-    for (const ForcePoint& p : chart.points)
-      if (p.trajectory == run.trajectory && p.removals == run.removals)
-        std::printf("  %-34s %9.1f %8.0f %8.2f %8.2f %8.2f %9.4f %7.2f%s\n", p.label.c_str(), p.cpu_ms_per_s,
-                    p.haptic_us_p99, 100 * p.error.rms_rel, 100 * p.error.max_rel,
-                    100 * p.error.swap_jump_p95_rel, 1e3 * p.error.buzz_rms_n, p.front_factor,
-                    p.reference_converged ? "" : "  not converged");
+    for (const ForcePoint& p : chart.points) {
+      if (p.trajectory != run.trajectory || p.removals != run.removals) continue;
+      std::printf("  %-34s %9.1f %8.0f %8.2f %8.2f %8.2f %9.4f %7.2f%s\n", p.label.c_str(), p.cpu_ms_per_s,
+                  p.haptic_us_p99, 100 * p.error.rms_rel, 100 * p.error.max_rel,
+                  100 * p.error.swap_jump_p95_rel, 1e3 * p.error.buzz_rms_n, p.front_factor,
+                  p.reference_converged ? "" : "  not converged");
+      if (p.removals > 0)
+        std::printf("  %-34s %9s %8s %8.2f %8.2f %8.2f\n", "  elements gone when it is published", "", "",
+                    100 * p.felt.rms_rel, 100 * p.felt.max_rel, 100 * p.felt.swap_jump_p95_rel);
+    }
   }
   for (const std::string& note : chart.notes) std::printf("note: %s\n", note.c_str());
 }

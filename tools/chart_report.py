@@ -19,7 +19,9 @@ a single loop that solves everything each millisecond. The line is the front: no
 found. The star is what the daemon does unless it is told otherwise. Hollow marks do not count: halving the
 reference's step still changes its force by more than 0.5 % of the peak, or an element turned inside out."""),
     "tissue": ("How exact the tissue is", "The finite elements against answers known by hand or from finer meshes."),
-    "step": ("What a simulation step costs", "The parts of a step, over the size of the body."),
+    "step": ("What a simulation step costs", "The factorisation of a lens, our own and CHOLMOD's."),
+    "economy": ("No more model than a scene needs", """
+What the plan of <code>model: auto</code> chose for each scene, its error and its cost, beside everything modelled."""),
     "removal": ("What removing an element costs", """
 Elements are taken out one by one. Lines that rise pay for every element ever removed; flat lines do not.
 The second row is the error of the compliance that comes out, the third the memory it takes."""),
@@ -69,7 +71,7 @@ def force_details(data):
     for run in data.get("runs", []):
         points = [p for p in data["points"] if (p["trajectory"], p["removals"]) == (run["trajectory"], run["removals"])]
         removals = f", {run['removals']} elements removed per 20 ms" if run["removals"] else ""
-        state = (f"half a step changes the reference by {percent(run['half_step_rms_rel'])} % of the peak, "
+        state = (f"half a step of {run['reference_step_ms']} ms changes the reference by {percent(run['half_step_rms_rel'])} % of the peak, "
                  f"{run['inverted']} elements inverted")
         if not run["reference_converged"]:
             state = f'<span class="bad">reference not converged</span>: {state}'
@@ -78,6 +80,7 @@ def force_details(data):
         in_space = any("space_rms_rel" in p for p in points)
         head = ["", "CPU, ms/s", "haptic p99, µs", "RMS error, % of peak", "largest, %", "jump at swaps p95, %",
                 "buzz, mN", "onset, ms", "overlap, µm", "memory, MB"]
+        head += ["felt RMS, %", "felt largest, %"] if run["removals"] else []
         head += ["mesh error, %", "mesh and time, %"] if in_space else []
         rows = []
         for p in sorted(points, key=lambda p: p["cpu_ms_per_s"]):
@@ -86,9 +89,15 @@ def force_details(data):
                    f"{p['haptic_us_p99']:.0f}", percent(p["force_rms_rel"]), percent(p["force_max_rel"], 1),
                    percent(p["swap_jump_p95_rel"]), f"{1e3 * p['buzz_rms_n']:.4f}", f"{p['onset_ms']:.0f}",
                    f"{p['penetration_um']:.2f}", f"{p['memory_mb']:.1f}"]
+            if run["removals"]:
+                row += [percent(p["felt_rms_rel"]), percent(p["felt_max_rel"], 1)]
             if in_space:
                 row += [percent(p["space_rms_rel"]), percent(p["space_and_time_rms_rel"])] if "space_rms_rel" in p else ["", ""]
             rows.append((kind, row))
+        if run["removals"]:
+            parts.append("<p>The errors have the delay of a removal in them: an element that the simulation takes at the "
+                         "begin of a step is felt to be gone 10 ms later. <i>Felt</i> are the errors against a reference "
+                         "that loses it then.</p>")
         parts.append(table(head, rows))
     if data.get("notes"):
         parts.append("<h3>What a reader would wonder about</h3><ul>"
@@ -99,7 +108,23 @@ def force_details(data):
     return "".join(parts)
 
 
-DETAILS = {"force": force_details}
+def economy_details(data):
+    rows = []
+    for scene in data["scenes"]:
+        for what in ("chosen", "whole"):
+            m = scene[what]
+            rows.append(("chosen" if what == "chosen" else "",
+                         [f"{scene['scene']}: {m['model']}", percent(scene["accuracy"], 1), percent(m["error"]),
+                          f"{m['cost_ms']:.2f}", "" if what == "whole" else "yes" if scene["passed"] else "no"]))
+    return table(["", "asked for, %", "error, % of peak", "a step, ms", "passed"], rows)
+
+
+def step_details(data):
+    rows = [("", [key.replace("_", " "), value]) for key, value in data.items() if isinstance(value, (int, float))]
+    return table(["", ""], rows)
+
+
+DETAILS = {"force": force_details, "economy": economy_details, "step": step_details}
 
 
 def section(folder, entry):

@@ -94,13 +94,19 @@ OfflineInput motion_in_scene(const Scene& scene, const std::filesystem::path& fi
   const std::vector<Vec3> surface = surface_points(tissue_of(scene));
   const Trajectory recording = read_trajectory(file, LengthUnit::metre);
   const bool own = scene.trajectory && std::filesystem::equivalent(*scene.trajectory, file);
+  constexpr double look = 4e-3;  // [s]
   OfflineInput input;
   input.motion = own ? mapped(scene, recording) : fitted(scene, surface, recording, settings);
-  constexpr double look = 4e-3;  // [s]
   double first = input.motion.begin();
-  while (first < input.motion.end() &&
-         overlap(surface, scene.instrument, sample_at(input.motion, first)) <= 0)
-    first += look;
+  // A recording that begins inside the tissue has no state to begin with: its next contact is the first.
+  const auto touches = [&](double t) {
+    return overlap(surface, scene.instrument, sample_at(input.motion, t)) > 0;
+  };
+  double out = first;
+  while (out < input.motion.end() && touches(out)) out += look;
+  if (out < input.motion.end()) first = out;
+  while (first < input.motion.end() && !touches(first)) first += look;
+  if (first >= input.motion.end() && out > input.motion.begin()) first = input.motion.begin();
   if (first >= input.motion.end()) throw InputError(file, 0, "", "never comes near the tissue");
   input.from = std::max(input.motion.begin(), first - settings.lead);
   input.to = std::min(input.motion.end(), input.from + settings.length);

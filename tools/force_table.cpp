@@ -41,7 +41,7 @@ nlohmann::ordered_json words_of(const YAML::Node& node) {
 
 ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   y.only({"label", "quick", "rate", "compliance", "warping", "contact", "corotational", "friction",
-          "rendering", "newest_pose", "fresh_free_motion", "viscous", "linearisations", "tolerance", "sweeps",
+          "rendering", "newest_pose", "fresh_free_motion", "lead", "viscous", "linearisations", "tolerance", "sweeps",
           "blend", "base_after", "meshes"});
   ForceConfiguration c;
   c.label = y.text("label");
@@ -62,6 +62,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   c.friction = y.flag("friction", true);
   c.options.newest_pose = y.flag("newest_pose", true);
   c.options.fresh_free_motion = y.flag("fresh_free_motion", true);
+  if (y.has("lead")) c.options.lead = y.number("lead", {0, 2, false, false, "lies between 0 and 2 steps"});
   c.options.viscous = y.flag("viscous", true);
   if (y.has("linearisations")) c.options.linearisations = y.whole("linearisations", 1, 20);
   if (y.has("tolerance")) c.options.tolerance = y.number("tolerance", positive);

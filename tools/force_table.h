@@ -7,7 +7,7 @@
 //     - {label: at 100 Hz, rate: 100}
 //
 // Keys: label, quick (also in a quick chart), rate [Hz], compliance, warping, contact, corotational, friction
-// (false: none anywhere), rendering, newest_pose, fresh_free_motion, viscous, linearisations, tolerance,
+// (false: none anywhere), rendering, newest_pose, fresh_free_motion, lead [steps], viscous, linearisations, tolerance,
 // sweeps, blend [s], base_after [s], meshes (body: file beside the table). Units: SI. Errors: InputError with
 // file, line and key.
 #pragma once

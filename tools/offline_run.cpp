@@ -84,6 +84,9 @@ class Simulation {
     settings.compliance_options.warping = options.warping;
     settings.newest_pose = options.newest_pose;
     settings.fresh_free_motion = options.fresh_free_motion;
+    if (options.lead) settings.lead = *options.lead * h_;
+    const bool ahead = settings.lead > 0 && settings.contact == Renewal::renewed && options.fresh_free_motion;
+    latch_ = std::min(options.latch_after.value_or(ahead ? 1e-3 : 6e-3), h_ - tick);
     if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;
     world_ = make_world(scene, settings);
     // As the daemon does before its clock starts.
@@ -118,12 +121,11 @@ class Simulation {
     const bool counts = t >= input_.from - instant;
     adopt_bases(t);
     removals_.apply_until(t, *world_);
-    const double latch = std::min(options_.latch_after, h_ - tick);
     bool latched = false;
     {
       const Cost cost(result_.simulation, counts);
       report_ = world_->step(
-          [&] { return instrument_at(input_, std::exchange(latched, true) ? t + latch : t); }, *in_use_);
+          [&] { return instrument_at(input_, std::exchange(latched, true) ? t + latch_ : t); }, *in_use_);
     }
     for (BaseJob& job : world_->wanted_bases()) {
       const Cost cost(result_.bases, counts);
@@ -152,6 +154,7 @@ class Simulation {
   OfflineResult& result_;
   Removals removals_;
   const double h_;
+  double latch_ = 0;
   double begin_ = 0;  // of the step to come [s]
   std::int64_t count_ = 0;
   std::unique_ptr<World> world_;
@@ -179,7 +182,7 @@ HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
     options.contact.coulomb.max_sweeps = o.sweeps_only;
     options.usable_residual = 1;  // an answer for as much work as was asked for, whatever it is worth
   }
-  options.blend_time = std::max(o.blend_time, instant);
+  options.blend_time = o.blend_time;
   if (o.limits) return options;
   constexpr std::int64_t never = std::int64_t{1} << 60;
   options.watchdog.problem_old_ns = options.watchdog.problem_lost_ns = never;
@@ -299,6 +302,7 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
   exact.compliance = ComplianceMethod::exact;
   exact.contact = Renewal::renewed;
   WorldSettings settings = world_settings(exact);
+  settings.lead = 0;  // its problems are for their own time
   settings.linearisations = 6;
   settings.coulomb.tolerance = 1e-10;
   settings.coulomb.max_sweeps = 1000;

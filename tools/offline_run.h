@@ -56,13 +56,15 @@ struct OfflineOptions {
   std::optional<Warping> warping;
   bool newest_pose = true;
   bool fresh_free_motion = true;
-  bool viscous = true;     // the haptic tick's patch is viscous on its own time (viscous_patch.h)
-  int linearisations = 2;  // of the haptic solve
-  double tolerance = 0;    // of the friction solver, in both loops; 0: the scene's
-  int sweeps_only = 0;     // > 0: block Gauss-Seidel with so many sweeps instead of the hybrid
+  std::optional<double> lead;  // WorldSettings::lead in steps; 0: no look-ahead
+  bool viscous = true;         // the haptic tick's patch is viscous on its own time (viscous_patch.h)
+  int linearisations = 2;      // of the haptic solve
+  double tolerance = 0;        // of the friction solver, in both loops; 0: the scene's
+  int sweeps_only = 0;         // > 0: block Gauss-Seidel with so many sweeps instead of the hybrid
   bool limits = false;
-  double blend_time = 0;         // after a removal [s]
-  double latch_after = 6e-3;     // of a step's begin, at most a period less a tick [s]
+  double blend_time = 0;  // after a removal [s]
+  // Of a step's begin, at most a period less a tick [s]. Absent: 1 ms where the step looks ahead, 6 ms else.
+  std::optional<double> latch_after;
   double publish_after = 10e-3;  // … at most a period [s]
   double base_after = 0.04;      // [s]
 };

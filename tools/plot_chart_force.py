@@ -109,7 +109,7 @@ def draw_time(data, traces, path):
         for label, line in shown(data, trace):
             force = 1e3 * np.linalg.norm(np.array(runs[label]["force"]), axis=0)
             axes.plot(t, force, label=label, **line)
-        axes.plot(t, reference, color=INK, lw=2.6, alpha=0.35, label="reference, 1 ms", zorder=1)
+        axes.plot(t, reference, color=INK, lw=2.6, alpha=0.35, label="reference", zorder=1)
         axes.set(xlabel="time [s]", ylabel="force in the scene [mN]")
         axes.set_ylim(0, 1.8 * reference.max() if reference.max() > 0 else None)
         axes.set_title(name_of(entry), loc="left", fontsize=10)

@@ -8,7 +8,7 @@ import argparse
 import json
 import sys
 
-from plot_chart_removal import ACCENT, INK, plt, style
+from plot_style import ACCENT, INK, plt, style
 
 MARKS = "osD^vP*Xh<>"
 REMEDIES = {"none": dict(color=INK, label="linear tetrahedra"),

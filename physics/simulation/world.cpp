@@ -5,15 +5,18 @@
 #include <stdexcept>
 #include <utility>
 
+#include "physics/simulation/look_ahead.h"
+
 namespace hapticd {
 namespace {
 
-constexpr double zone_keep = 1.15;  // in alarm distances: every node this near must be in the zone
-constexpr double zone_reach = 1.6;  // … and a new zone reaches this far
+constexpr double zone_keep = 1.15;     // in alarm distances: every node this near must be in the zone
+constexpr double zone_reach = 1.6;     // … and a new zone reaches this far
 constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
 constexpr std::size_t max_zone_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps
+constexpr double most_ahead = 0.5;     // in alarm distances: the patch is that of the pose it was gathered at
 
 bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
@@ -37,6 +40,8 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
     last_problem_ = std::make_unique<CondensedProblem>();
     last_scratch_ = std::make_unique<ContactScratch>();
   }
+  if (looks_ahead()) ahead_scratch_ = std::make_unique<ContactScratch>();
+  ahead_.assign(bodies.size(), 0);
   for (BodySettings& b : bodies)
     bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
                          settings.compliance_options);
@@ -78,6 +83,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     }
   if (settings_.fresh_free_motion) set_patch_positions(bodies_, gatherer_.nodes(), problem);
   if (contacts_.any()) condense_bodies(problem, report);
+  if (looks_ahead()) look_ahead(sample, problem, report);
   if (rebases_) *last_problem_ = problem;
   report_compliance(report);
   put_to_sleep();
@@ -123,6 +129,7 @@ void World::remove_scheduled(StepReport& report) {
 void World::removed_from(int b, int gone, StepReport& report) {
   if (gone == 0) return;
   const Body& body = bodies_[b];
+  ahead_[b] = 0;
   report.removed += gone;
   topology_changed_ = true;
   collision_.set_surface(b, body.surface.faces(), body.state.x);
@@ -155,13 +162,15 @@ void World::adopt(BaseJob job) {
   body.base_steps = 0;
   if (job.failed || !job.base) return;
   body.compliance->adopt_base(std::move(job.base), body.state);
+  ahead_[job.body] = 0;
   ++bases_adopted_;
 }
 
 void World::follow_instrument(const InstrumentSample& sample) {
   const bool known = sample.present && was_present_;
-  velocity_ = known ? Vec3((sample.pose.p - last_position_) / settings_.h) : Vec3::Zero();
-  last_position_ = sample.pose.p;
+  twist_ = known ? Vec6(difference(sample.pose, last_pose_) / settings_.h) : Vec6::Zero();
+  velocity_ = twist_.head<3>();
+  last_pose_ = sample.pose;
   was_present_ = sample.present;
 }
 
@@ -235,8 +244,16 @@ void World::update_zone(int b, const InstrumentSample& sample, std::span<const i
   for (const int n : contacts_.nodes_of(b)) add(n, true);
   const bool covered = body.compliance->zone_covers(must);
   if (!covered) body.base_wanted = true;
+  if (!covered && !rebases_) ahead_[b] = 0;
   // A zone for the next base may follow the instrument at every step; one that is factored here may not.
   if (rebases_ || !covered) body.compliance->move_zone(zone);
+}
+
+void World::factor(int b) {
+  Body& body = bodies_[b];
+  if (looks_ahead()) update_rotations(body.model, body.state);  // they are of where it was thought to be
+  body.compliance->update(body.state);
+  compute_free_motion(body, settings_.h);
 }
 
 void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& report) {
@@ -245,9 +262,8 @@ void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& r
     if (!body.deformable || body.asleep) continue;
     if (sample.present || !contacts_.nodes_of(static_cast<int>(b)).empty())
       update_zone(static_cast<int>(b), sample, {});
-    body.compliance->update(body.state);
-    compute_free_motion(body, settings_.h);
     ++report.awake_bodies;
+    if (!ahead_[b]) factor(static_cast<int>(b));
   }
 }
 
@@ -266,8 +282,7 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
     if (!body.deformable || !body.asleep) continue;
     body.asleep = false;
     update_zone(f.body, sample, {});
-    body.compliance->update(body.state);
-    compute_free_motion(body, settings_.h);
+    factor(f.body);
   }
   gatherer_.gather(bodies_, *instrument_, sample.pose, settings_.alarm_distance, near_, problem);
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
@@ -347,16 +362,22 @@ void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& p
     scratch_->rows.contacts = 0;
   }
 
-  const ContactRows& rows = scratch_->rows;
-  patch_force_.setZero(3 * static_cast<Eigen::Index>(gatherer_.nodes().size()));
-  for (int i = 0; usable(report.contact) && i < rows.contacts; ++i) {
+  patch_force_ = usable(report.contact) ? force_on_patch(problem, *scratch_) : VecX::Zero(3 * problem.nodes);
+}
+
+// Σ Hᵀλ of a solve, by node [N].
+VecX World::force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch) const {
+  const ContactRows& rows = scratch.rows;
+  VecX f = VecX::Zero(3 * problem.nodes);
+  for (int i = 0; i < rows.contacts; ++i) {
     const PatchSample& s = problem.sample[rows.row[i].sample];
     if (s.node[0] < 0) continue;
-    Vec3 force = scratch_->lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
+    Vec3 force = scratch.lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
     for (int t = 1; t < rows.rows_per_contact; ++t)
-      force += scratch_->lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
-    for (int c = 0; c < 3; ++c) patch_force_.segment<3>(3 * s.node[c]) += s.weight[c] * force;
+      force += scratch.lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
+    for (int c = 0; c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * force;
   }
+  return f;
 }
 
 void World::correct_bodies() {
@@ -364,6 +385,7 @@ void World::correct_bodies() {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
+    ahead_[b] = 0;
     contact_force_.setZero(3 * body.model.node_count());
     for (std::size_t i = 0; i < nodes.size(); ++i)
       if (nodes[i].body == static_cast<int>(b))
@@ -372,6 +394,57 @@ void World::correct_bodies() {
     if (contacts_.any()) contacts_.add_forces(static_cast<int>(b), contact_force_);
     correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h);
   }
+}
+
+bool World::looks_ahead() const {
+  return settings_.lead > 0 && settings_.contact == Renewal::renewed && settings_.fresh_free_motion &&
+         contacts_.empty();
+}
+
+Pose World::pose_ahead(const Pose& X) const {
+  const Vec6 way = settings_.lead * twist_;
+  const double most = most_ahead * settings_.alarm_distance;
+  return displaced(X, std::min(1.0, most / std::max(way.head<3>().norm(), 1e-12)) * way);
+}
+
+void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
+  InstrumentSample there = sample;
+  there.pose = pose_ahead(sample.pose);
+  ContactSolution contact;
+  if (sample.present) {
+    // Nothing of this solve is remembered but what it foresees.
+    ContactState state = contact_state_;
+    contact = solve_contact(problem, *instrument_, there.pose, settings_.h, contact_options(), state,
+                            *ahead_scratch_);
+  }
+  const bool pressed = sample.present && usable(contact);
+  const VecX force = pressed ? force_on_patch(problem, *ahead_scratch_) : VecX::Zero(3 * problem.nodes);
+  const auto nodes = gatherer_.nodes();
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    Body& body = bodies_[b];
+    if (!body.deformable || body.asleep || !body.model.corotational) continue;
+    contact_force_.setZero(3 * body.model.node_count());
+    std::vector<int> of_body;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (nodes[i].body != static_cast<int>(b)) continue;
+      of_body.push_back(nodes[i].node);
+      contact_force_.segment<3>(3 * nodes[i].node) += force.segment<3>(3 * static_cast<Eigen::Index>(i));
+    }
+    const bool touched = !contact_force_.isZero(0);
+    if (touched) {
+      body.compliance->apply(contact_force_, contact_force_);
+      body.dx_free += contact_force_;
+    }
+    if (!can_look_ahead(body)) {
+      if (touched) body.dx_free -= contact_force_;
+      continue;
+    }
+    if (sample.present) update_zone(static_cast<int>(b), there, of_body);
+    linearise_ahead(body, settings_.h);
+    ahead_[b] = 1;
+  }
+  compliance_of_patch(sample, problem, report);
+  set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
 
 void World::put_to_sleep() {

@@ -7,10 +7,13 @@
 //      (with bodies that touch one another: in one solve with theirs, world_contact.cpp)
 //   5  correct: Δx = Δx_free + C Hᵀλ
 //   6  fresh: f_int and free motion at the new state, same factor
-//   7  fill the condensed problem                                (the caller publishes it)
+//   7  look ahead: the same contact solve where the instrument will be at `lead`, and all bodies linearised
+//      again at what that does to them (look_ahead.h)
+//   8  fill the condensed problem                                (the caller publishes it)
 //
-// The pose is latched after the factor, and free motion is published fresh, because a start-of-step
-// pose and a step-old free motion cost most of the accuracy there is (haptic/README.md).
+// Factor and free motion of 7 are those of the next step's 2, unless an element goes or the zone moves: the
+// pose is then latched at once. Without a lead it is latched after the factor, and free motion is published
+// fresh: a start-of-step pose and a step-old free motion cost most of the accuracy there is (haptic/README.md).
 // A deformable body that is at rest and out of reach, and touches none that moves, sleeps: its step costs
 // nothing, and what touches it then finds an obstacle, for one step if it moves.
 // Units: SI. Shapes: see condensed_problem.h. Errors: std::runtime_error from the factor of a singular
@@ -43,6 +46,9 @@ struct WorldSettings {
   BodyContactSettings body_contact;  // which bodies touch one another; none by default
   int linearisations = 3;  // of a step's contact solve
   CoulombOptions coulomb;
+  // Where in its use a published problem is best: this long after its pose was latched [s]; 0: at that pose.
+  // Only for renewed contact, and not where bodies touch one another.
+  double lead = 0;
   // For comparison only (tools/offline_run.h): the paper keeps the pose of the step's start, and publishes the
   // free motion that the step began with.
   bool newest_pose = true;
@@ -132,6 +138,7 @@ class World {
   void cover(int body, const InstrumentSample& sample, std::span<const int> nodes, StepReport& report);
   void follow_instrument(const InstrumentSample& sample);
   void wake(const InstrumentSample& sample);
+  void factor(int body);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem);
   void compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
@@ -141,6 +148,10 @@ class World {
   void solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   void correct_bodies();
   void put_to_sleep();
+  bool looks_ahead() const;
+  void look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+  Pose pose_ahead(const Pose& X) const;
+  VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch) const;
 
   // Bodies against bodies: world_contact.cpp.
   void find_body_contacts();
@@ -176,8 +187,11 @@ class World {
   int removed_ = 0;
   bool topology_changed_ = false;
   bool rebases_ = false;          // the method keeps bases that others make
+  std::unique_ptr<ContactScratch> ahead_scratch_;  // only with a lead
+  std::vector<std::uint8_t> ahead_;  // per body: its factor and free motion are those of the step to come
   Vec3 velocity_ = Vec3::Zero();  // of the instrument [m/s]
-  Vec3 last_position_ = Vec3::Zero();
+  Vec6 twist_ = Vec6::Zero();     // … as a displacement per second
+  Pose last_pose_;
   bool was_present_ = false;
   int bases_adopted_ = 0;
   std::uint64_t steps_ = 0;
