@@ -4,14 +4,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "physics/contact/coulomb.h"
 #include "physics/contact/rows.h"
 
 namespace hapticd {
 namespace {
 
 constexpr double rigid_compliance = 1e-3;  // as in delassus.cpp
-constexpr double sticking_slip = 1e-6;     // as in contact_solve.cpp
-constexpr double inside_the_cone = 1 - 1e-6;
 
 Primitive ball(double radius, const Vec3& at) {
   Primitive p;

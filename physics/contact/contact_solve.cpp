@@ -8,9 +8,6 @@
 namespace hapticd {
 namespace {
 
-constexpr double sticking_slip = 1e-6;        // of tr W_ii/3 · ‖λ_i‖
-constexpr double inside_the_cone = 1 - 1e-6;  // ‖λ_t‖ / (μ λ_n) below which a contact sticks
-
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
   return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
 }

@@ -12,14 +12,17 @@ namespace {
 constexpr int longest_run_of_sweeps = 32;
 constexpr int sweeps_between_checks = 4;
 constexpr int most_halvings = 5;
-constexpr int sweeps_of_polish = 2;   // and of the first run, whose time they are judged by
-constexpr double good_chord = 0.1;    // of the merit left: the LU is good for another step
+constexpr int sweeps_of_polish = 2;  // and of the first run, whose time they are judged by
+constexpr double good_chord = 0.1;   // of the merit left: the LU is good for another step
+constexpr double lost = 1e5;      // of the merit: a step taken without asking does not come back from there
+constexpr double settling = 0.3;  // of the shift left after a step that served …
+constexpr double least_shift = 1e-4;  // … and below this, none
 constexpr int dear_steps = 8;         // LUs that the later stages are not begun without time for
 constexpr double hyperstatic = 1e-5;  // ratio of LU pivots below which freedoms are missing
 constexpr int solves_raised = 20;     // that keep a raised diagonal
 
-// How Newton is run, one after the other: ρ, the shift of the Jacobian's diagonal, whether steps may leave
-// the cones (raw), and how many are taken without asking where none lowers the merit.
+// How Newton is run, one after the other: ρ, the first shift of the Jacobian's diagonal, whether steps may
+// leave the cones (raw), and how many are taken without asking where none lowers the merit.
 struct Stage {
   double stretch, shift;
   bool raw;
@@ -32,30 +35,41 @@ double mean_diagonal(const Eigen::Ref<const MatX>& W, int i) noexcept {
   return (W(3 * i, 3 * i) + W(3 * i + 1, 3 * i + 1) + W(3 * i + 2, 3 * i + 2)) / 3;
 }
 
-// Natural map of given δ and λ; D_i = 1/rho[i].
-double natural_map(const double* delta, const double* lambda, const Eigen::Ref<const VecX>& q,
-                   std::span<const double> rho, std::span<const double> mu) noexcept {
-  double worst = 0, scale = 0;
+// Natural map of given δ and λ, times `scale`; D_i = 1/rho[i]. An open contact costs a comparison.
+double natural_map(const double* delta, const double* lambda, std::span<const double> rho,
+                   std::span<const double> mu, double& scale) noexcept {
+  double worst = 0;
   for (std::size_t i = 0; i < mu.size(); ++i) {
     const Eigen::Map<const Vec3> l(lambda + 3 * i), d(delta + 3 * i);
+    if (d[0] >= 0 && l.isZero(0)) continue;
     Vec3 v = l - rho[i] * d;
     v[0] -= rho[i] * mu[i] * d.tail<2>().norm();
     worst = std::max(worst, (l - project_on_cone(v, mu[i])).squaredNorm());
-    const Vec3 free = q.segment<3>(static_cast<Eigen::Index>(3 * i));
-    scale = std::max({scale, l.squaredNorm(), rho[i] * rho[i] * free.squaredNorm()});
+    scale = std::max(scale, l.squaredNorm());
   }
-  return worst > 0 ? std::sqrt(worst / scale) : 0;
+  return worst;
 }
+
+// max_i (ρ_i ‖q_i‖)²: what contact forces are measured against, besides themselves.
+double free_scale(const Eigen::Ref<const VecX>& q, std::span<const double> rho) noexcept {
+  double scale = 0;
+  for (std::size_t i = 0; i < rho.size(); ++i)
+    scale = std::max(scale, rho[i] * rho[i] * q.segment<3>(static_cast<Eigen::Index>(3 * i)).squaredNorm());
+  return scale;
+}
+
+double relative(double worst, double scale) noexcept { return worst > 0 ? std::sqrt(worst / scale) : 0; }
 
 // ½ Σ ‖λ_i − P_i(λ_i − ρ_i δ_i)‖², P_i onto λ_n ≥ 0 and the disc of radius μ y_n (Alart and Curnier).
 double alart_curnier(const CoulombSystem& s, const double* lambda, const double* delta) noexcept {
   double sum = 0;
   for (int i = 0; i < s.contacts; ++i) {
     const Eigen::Map<const Vec3> l(lambda + 3 * i), d(delta + 3 * i);
+    if (d[0] >= 0 && l.isZero(0)) continue;
     Vec3 y = l - s.stretch * s.rho[i] * d;
     y[0] = std::max(0.0, y[0]);
-    const double pulled = y.tail<2>().norm(), disc = s.mu[i] * y[0];
-    if (pulled > disc) y.tail<2>() *= disc / pulled;
+    const double pulled = y.tail<2>().squaredNorm(), disc = s.mu[i] * y[0];
+    if (pulled > disc * disc) y.tail<2>() *= disc / std::sqrt(pulled);
     sum += (l - y).squaredNorm();
   }
   return 0.5 * sum;
@@ -81,6 +95,7 @@ class CoulombSolve {
         options_(options),
         result_(result),
         rows_(3 * system.contacts),
+        free_scale_(free_scale(system.q, system.rho.first(system.mu.size()))),
         most_sweeps_(options.max_sweeps),
         most_newton_(options.max_newton) {}
 
@@ -119,8 +134,8 @@ class CoulombSolve {
       for (const Stage& stage : stages) {
         if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
         if (open() && !affords(dear_steps)) hurried_ = true;
-        if (open() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
-            ws_.factor.pivot_ratio < hyperstatic)
+        if (open() && &stage != stages && s_.epsilon < options_.raised_diagonal &&
+            result_.factorisations > 0 && ws_.factor.pivot_ratio < hyperstatic)
           raise(options_.raised_diagonal);
       }
     }
@@ -164,7 +179,9 @@ class CoulombSolve {
 
   // λ at ws.delta = δ(λ): kept if it is the best so far, of all or of those that a sweep has left.
   void judge(bool swept) noexcept {
-    const double residual = natural_map(ws_.delta.data(), lambda_.data(), s_.q, s_.rho, s_.mu);
+    double scale = free_scale_;
+    const double worst = natural_map(ws_.delta.data(), lambda_.data(), s_.rho, s_.mu, scale);
+    const double residual = relative(worst, scale);
     rough_ = !swept;
     if (swept && residual < swept_residual_) {
       swept_residual_ = residual;
@@ -209,13 +226,15 @@ class CoulombSolve {
   }
 
   // Steps that lower the merit. Where none does, some are taken without asking, for a direction of slip that
-  // turns far raises the merit before it falls; unless they end well below, all is put back.
+  // turns far raises the merit before it falls; unless they end well below, or where they are lost, all is
+  // put back. The shift shrinks with every step that serves, or the last ones would converge only linearly.
   void newton(const Stage& stage) noexcept {
     s_.stretch = stage.stretch;
     double merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
-    bool fresh = stage.shift > 0, roaming = false;
+    double shift = stage.shift, goal = 0, limit = 0;
+    bool fresh = shift > 0, roaming = false, astray = false;
     int unasked = 0;
-    double goal = 0;
+    const auto settle = [&] { shift = shift > least_shift ? settling * shift : 0; };
     const auto put_back = [&](const double* to) {
       std::copy_n(to, rows_, lambda_.data());
       s_.compute_delta(lambda_.data(), ws_.delta.data());
@@ -226,15 +245,17 @@ class CoulombSolve {
       merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
       fresh = merit >= goal;
       unasked = fresh ? unasked - 1 : 0;
+      astray = merit > limit;
+      if (!fresh) settle();
       judge(false);
     };
     Deadline deadline = options_.deadline;
     deadline.reserve_ns += 2 * polish_ns_;
-    while (!done() && result_.newton < most_newton_) {
+    while (!done() && !astray && result_.newton < most_newton_) {
       ++result_.newton;
       std::copy_n(lambda_.data(), rows_, ws_.start.data());
       std::copy_n(ws_.delta.data(), rows_, ws_.start_delta.data());
-      const NewtonStep step = newton_step(s_, lambda_.data(), stage.shift, stage.raw, fresh, deadline, ws_);
+      const NewtonStep step = newton_step(s_, lambda_.data(), shift, stage.raw, fresh, deadline, ws_);
       result_.factorisations += step.factorisations;
       const bool stepped = step.outcome == NewtonOutcome::stepped;
       if (stepped) s_.compute_delta(ws_.trial.data(), ws_.trial_delta.data());
@@ -242,8 +263,9 @@ class CoulombSolve {
       if (stepped && unasked > 0) {
         take_trial();
       } else if (stepped && (after = search(merit)) < merit) {
-        fresh = stage.shift > 0 || after > good_chord * merit;
+        fresh = shift > 0 || after > good_chord * merit;
         merit = after;
+        settle();
         judge(false);
       } else {
         put_back(ws_.start.data());
@@ -253,6 +275,7 @@ class CoulombSolve {
           roaming = true;
           unasked = stage.unasked;
           goal = good_chord * merit;
+          limit = lost * merit;
           std::copy_n(lambda_.data(), rows_, ws_.turning_point.data());
           if (unasked > 0) take_trial();
         } else {
@@ -284,6 +307,7 @@ class CoulombSolve {
   const CoulombOptions& options_;
   CoulombResult& result_;
   int rows_;
+  double free_scale_;
   int most_sweeps_;
   int most_newton_;
   double swept_residual_ = 0;
@@ -301,7 +325,10 @@ double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const 
   for (std::size_t i = 0; i < mu.size(); ++i) rho[i] = inverse_or_zero(mean_diagonal(W, static_cast<int>(i)));
   const CoulombSystem system{W, q, mu, rho, 0.0, static_cast<int>(mu.size()), 0};
   system.compute_delta(lambda.data(), delta.data());
-  return natural_map(delta.data(), lambda.data(), q, rho, mu);
+  const std::span<const double> used{rho.data(), mu.size()};
+  double scale = free_scale(q, used);
+  const double worst = natural_map(delta.data(), lambda.data(), used, mu, scale);
+  return relative(worst, scale);
 }
 
 CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,

@@ -13,10 +13,11 @@
 // unknowns that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also
 // from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's residual squared, falls,
 // after halvings if need be; where it does not, some are taken without asking, for a direction of slip that
-// turns far raises the merit before it falls. Then the same with a shifted Jacobian; with steps held in the
-// cones, whose pulled contacts leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
-// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where a Newton
-// stalls on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
+// turns far raises the merit before it falls; a merit 1e5 times as large ends that. Then the same with a
+// shifted Jacobian, the shift shrinking as steps serve; with steps held in the cones, whose pulled contacts
+// leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
+// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where Newton stalls, shifted
+// too, on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
 // the result says so; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more
 // round with the budgets again. An open contact costs one comparison in a sweep. Deadline: looked at after
 // every sweep and before every LU, whose cost is predicted from the last ones. Newton ends in time for two
@@ -40,6 +41,9 @@
 #include "physics/contact/small_factors.h"
 
 namespace hapticd {
+
+constexpr double inside_the_cone = 1 - 1e-6;  // a contact sticks with ‖λ_t‖ / (μ λ_n) below this …
+constexpr double sticking_slip = 1e-6;        // … or with less slip than this, of tr W_ii/3 · ‖λ_i‖
 
 struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual

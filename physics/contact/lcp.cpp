@@ -11,6 +11,7 @@ namespace {
 
 constexpr double unit_roundoff = std::numeric_limits<double>::epsilon();
 constexpr double least_diagonal = 1e-12;  // of the largest: keeps 1/D finite where W_ii = 0
+constexpr int few = 24;                   // active rows, whose single exchanges are cheap
 
 class Pivoting {
  public:
@@ -21,25 +22,36 @@ class Pivoting {
     for (int i = 0; i < n_; ++i) largest = std::max(largest, W_(i, i));
     for (int i = 0; i < n_; ++i) {
       ws_.diagonal[i] = std::max(W_(i, i), least_diagonal * largest);
+      ws_.root[i] = std::sqrt(ws_.diagonal[i]);
       q_scale_ = std::max(q_scale_, std::abs(q_[i]) / ws_.diagonal[i]);
     }
     rigid_ = largest <= 0;
   }
 
   bool rigid() const noexcept { return rigid_; }
+  int active() const noexcept { return size_; }
 
-  // z for the present active set, one refinement, w of all rows.
+  // z for the present active set, w of all rows.
   void solve_active_block(std::uint64_t version) noexcept {
     factor(version);
     z_.setZero();
-    for (int i = 0; i < n_; ++i) ws_.w[i] = q_[i];
-    add_correction();
-    add_correction();
+    w() = q_;
+    refine();
+  }
+
+  // z_F −= (W + εD)_FF⁻¹ w_F, and w follows.
+  void refine() noexcept {
+    size_ = 0;
+    for (int i = 0; i < n_; ++i)
+      if (active_[i]) ws_.packed[size_++] = -ws_.w[i];
+    cholesky_solve(ws_.factor.data(), size_, ws_.packed.data());
+    for (int k = 0; k < size_; ++k) z_[ws_.index[k]] += ws_.packed[k];
+    compute_w();
   }
 
   // w = (W + εD) z + q.
   void compute_w() noexcept {
-    for (int i = 0; i < n_; ++i) ws_.w[i] = q_[i];
+    w() = q_;
     for (int j = 0; j < n_; ++j) add_column(j, z_[j]);
   }
 
@@ -54,12 +66,7 @@ class Pivoting {
 
   // Marks the infeasible indices in ws.packed (1 or 0) and returns how many.
   int find_infeasible() noexcept {
-    double z_scale = 0, weighted = 0;
-    for (int i = 0; i < n_; ++i) {
-      z_scale = std::max(z_scale, std::abs(z_[i]));
-      weighted += std::sqrt(ws_.diagonal[i]) * std::abs(z_[i]);
-    }
-    const double z_noise = 4 * unit_roundoff * z_scale;
+    const double z_noise = this->z_noise(), weighted = weighted_sum();
     int count = 0;
     for (int i = 0; i < n_; ++i) {
       const bool bad = active_[i] ? z_[i] < -z_noise : ws_.w[i] < -w_noise(i, weighted);
@@ -71,15 +78,13 @@ class Pivoting {
 
   // The least feasible inactive row, relative to its diagonal; −1: none. Blocked rows are passed over.
   int most_violated() const noexcept {
-    double weighted = 0;
-    for (int i = 0; i < n_; ++i) weighted += std::sqrt(ws_.diagonal[i]) * std::abs(z_[i]);
+    const double weighted = weighted_sum();
     int worst = -1;
     double least = 0;
     for (int i = 0; i < n_; ++i) {
-      const double root = std::sqrt(ws_.diagonal[i]);
-      if (active_[i] || ws_.blocked[i] || ws_.w[i] >= -w_noise(i, weighted)) continue;
-      if (ws_.w[i] / root >= least) continue;
-      least = ws_.w[i] / root;
+      if (ws_.w[i] >= 0 || active_[i] || ws_.blocked[i] || ws_.w[i] >= -w_noise(i, weighted)) continue;
+      if (ws_.w[i] / ws_.root[i] >= least) continue;
+      least = ws_.w[i] / ws_.root[i];
       worst = i;
     }
     return worst;
@@ -88,9 +93,8 @@ class Pivoting {
   // From the feasible point in ws.best as far towards z as no entry turns negative; the entries that
   // stop it leave the active set. True: z itself was feasible (to its noise).
   bool step_towards() noexcept {
-    double z_scale = 0, reach = 1;
-    for (int i = 0; i < n_; ++i) z_scale = std::max(z_scale, std::abs(z_[i]));
-    const double noise = 4 * unit_roundoff * z_scale;
+    const double noise = z_noise();
+    double reach = 1;
     for (int i = 0; i < n_; ++i)
       if (active_[i] && z_[i] < -noise) reach = std::min(reach, ws_.best[i] / (ws_.best[i] - z_[i]));
     if (reach == 1) {
@@ -130,9 +134,15 @@ class Pivoting {
   void restore_best() noexcept { std::copy_n(ws_.best.data(), n_, z_.data()); }
 
  private:
+  Eigen::Map<VecX> w() noexcept { return {ws_.w.data(), n_}; }
+  double z_noise() const noexcept { return 4 * unit_roundoff * z_.cwiseAbs().maxCoeff(); }
+
   // |Σ_j W_ij z_j| ≤ √W_ii Σ_j √W_jj |z_j| for a positive semidefinite W; `weighted` is the last sum.
+  double weighted_sum() const noexcept {
+    return Eigen::Map<const VecX>(ws_.root.data(), n_).dot(z_.cwiseAbs());
+  }
   double w_noise(int i, double weighted) const noexcept {
-    return 8 * unit_roundoff * (std::sqrt(ws_.diagonal[i]) * weighted + std::abs(q_[i]));
+    return 8 * unit_roundoff * (ws_.root[i] * weighted + std::abs(q_[i]));
   }
 
   void add_column(int j, double zj) noexcept {
@@ -163,16 +173,6 @@ class Pivoting {
     ws_.cached_rows = n_;
   }
 
-  // z_F −= (W + εD)_FF⁻¹ w_F, and w follows.
-  void add_correction() noexcept {
-    size_ = 0;
-    for (int i = 0; i < n_; ++i)
-      if (active_[i]) ws_.packed[size_++] = -ws_.w[i];
-    cholesky_solve(ws_.factor.data(), size_, ws_.packed.data());
-    for (int k = 0; k < size_; ++k) z_[ws_.index[k]] += ws_.packed[k];
-    compute_w();
-  }
-
   const Eigen::Ref<const MatX>& W_;
   const Eigen::Ref<const VecX>& q_;
   Eigen::Ref<VecX> z_;
@@ -189,19 +189,23 @@ enum class Outcome : std::uint8_t { solved, stalled, capped, late, not_finite };
 
 // Block principal pivoting: solved, or stalled where the infeasible indices no longer become fewer.
 Outcome exchange_blocks(Pivoting& p, std::uint64_t version, const LcpOptions& options, int& pivots) noexcept {
-  int fewest = std::numeric_limits<int>::max(), patience = options.patience;
+  int fewest = std::numeric_limits<int>::max(), in_vain = 0;
   for (;;) {
     p.solve_active_block(version);
     if (!p.finite()) return Outcome::not_finite;
-    const int infeasible = p.find_infeasible();
+    int infeasible = p.find_infeasible();
+    if (infeasible == 0) {
+      p.refine();
+      infeasible = p.find_infeasible();
+    }
     if (infeasible == 0) {
       p.keep_best();
       return Outcome::solved;
     }
     if (infeasible < fewest) {
       fewest = infeasible;
-      patience = options.patience;
-    } else if (patience-- <= 0) {
+      in_vain = 0;
+    } else if (in_vain++ >= (p.active() > few ? options.patience : options.patience_with_few)) {
       return Outcome::stalled;
     }
     if (options.deadline.passed()) {
@@ -221,6 +225,7 @@ Outcome descend(Pivoting& p, std::uint64_t version, const LcpOptions& options, i
   for (int entered = -1;;) {
     if (options.deadline.passed()) return Outcome::late;
     p.solve_active_block(version);
+    p.refine();
     if (!p.finite()) return Outcome::not_finite;
     if (entered >= 0 && p.refused(entered)) {
       p.block(entered);

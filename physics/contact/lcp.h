@@ -3,14 +3,16 @@
 //   w = (W + ε D) z + q,   0 ≤ w ⟂ z ≥ 0,   D = diag(W),  ε = relative_diagonal
 //
 // Block pivoting (Júdice and Pires 1994): exchange all infeasible indices while their number falls, at
-// most `patience` times without a fall. Where that stalls (it cycles on rigid obstacles, and from a cold
-// start on many more rows than the patch has freedoms), single exchanges from the warm set that keep z ≥ 0
-// and lower ½ zᵀ(W + εD)z + qᵀz each time, which is finite because W + εD is positive definite, also
-// where W is rank-deficient (Lawson and Hanson 1974, ch. 23). Departure: not Murty's least-index rule,
-// which is finite too, but takes more than 1000 pivots on 64 sample points of 20 surface nodes.
-// Each solve of the active block takes one step of iterative refinement. What counts as infeasible is beyond
-// rounding: of w, that of its sums; of z, that of its largest entry, though in W's null space z is known to
-// ε⁻¹ times that only: an entry that is negative by less is open, not cut, or w would move by as much.
+// most `patience` times without a fall (once with few active rows, whose single exchanges cost little).
+// Where that stalls (it cycles on rigid obstacles, and from a cold start on many more rows than the patch has
+// freedoms), single exchanges from the warm set that keep z ≥ 0 and lower ½ zᵀ(W + εD)z + qᵀz each time,
+// which is finite because W + εD is positive definite, also where W is rank-deficient (Lawson and Hanson
+// 1974, ch. 23). Departure: not Murty's least-index rule, which is finite too, but takes more than 1000
+// pivots on 64 sample points of 20 surface nodes.
+// The answer, and each solve of the descent, has had one step of iterative refinement. What counts as
+// infeasible is beyond rounding: of w, that of its sums; of z, that of its largest entry, though in W's null
+// space z is known to ε⁻¹ times that only: an entry that is negative by less is open, not cut, or w would
+// move by as much.
 // Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
 // Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
@@ -34,9 +36,10 @@ enum class SolveStatus : std::uint8_t { solved, iteration_cap, deadline, not_fin
 
 struct LcpOptions {
   double relative_diagonal = 1e-9;
-  int patience = 3;
-  int max_pivots = 1000;  // of either kind
-  Deadline deadline;      // looked at before each pivot
+  int patience = 5;           // exchanges of blocks in vain
+  int patience_with_few = 1;  // … with at most 24 active rows
+  int max_pivots = 1000;      // of either kind
+  Deadline deadline;          // looked at before each pivot
 };
 
 struct LcpResult {
@@ -51,6 +54,7 @@ struct LcpWorkspace {
   std::array<double, std::size_t(padded(max_rows)) * max_rows> factor;  // ld: padded(active)
   std::array<int, max_rows> index;        // active rows, ascending: the factor's order
   std::array<double, max_rows> diagonal;  // D, floored
+  std::array<double, max_rows> root;      // √D
   std::array<double, max_rows> packed;    // a right-hand side in the factor's order
   std::array<double, max_rows> w;
   std::array<double, max_rows> best;

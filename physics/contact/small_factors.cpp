@@ -64,6 +64,31 @@ void subtract_product(double* C, const double* A, const Right& B, int ld, int ro
     tile_columns<1>(at(C, ld, 0, j), A, {B.data + j * B.by_j, B.by_k, B.by_j}, ld, rows, depth);
 }
 
+// y −= A x, A of `rows` rows and a strip of columns.
+void subtract_strip(const double* A, int ld, int rows, const double* x, double* y) noexcept {
+  const double x0 = x[0], x1 = x[1], x2 = x[2], x3 = x[3];
+  const double *a = A, *b = A + ld, *c = b + ld, *d = c + ld;
+  int i = 0;
+  for (; i + 4 <= rows; i += 4)
+    *reinterpret_cast<Lanes*>(y + i) -=
+        *reinterpret_cast<const Lanes*>(a + i) * x0 + *reinterpret_cast<const Lanes*>(b + i) * x1 +
+        *reinterpret_cast<const Lanes*>(c + i) * x2 + *reinterpret_cast<const Lanes*>(d + i) * x3;
+  for (; i < rows; ++i) y[i] -= a[i] * x0 + b[i] * x1 + c[i] * x2 + d[i] * x3;
+}
+
+// y −= Aᵀ x, A of `rows` rows and a strip of columns.
+void subtract_dots(const double* A, int ld, int rows, const double* x, double* y) noexcept {
+  Lanes sum[strip] = {};
+  int i = 0;
+  for (; i + 4 <= rows; i += 4) {
+    const Lanes v = *reinterpret_cast<const Lanes*>(x + i);
+    for (int j = 0; j < strip; ++j) sum[j] += *reinterpret_cast<const Lanes*>(at(A, ld, i, j)) * v;
+  }
+  for (; i < rows; ++i)
+    for (int j = 0; j < strip; ++j) sum[j][0] += *at(A, ld, i, j) * x[i];
+  for (int j = 0; j < strip; ++j) y[j] -= (sum[j][0] + sum[j][1]) + (sum[j][2] + sum[j][3]);
+}
+
 // The row of the largest |c_i|, begin ≤ i < end; begin where one is not a number.
 int largest_entry(const double* c, int begin, int end) noexcept {
   Lanes most{}, of{};
@@ -181,19 +206,23 @@ void cholesky(double* A, int n, double floor) noexcept {
 
 void cholesky_solve(const double* L, int n, double* b) noexcept {
   const int ld = padded(n);
-  for (int j = 0; j < n; ++j) {
-    const double* c = at(L, ld, 0, j);
-    const double x = b[j] /= c[j];
-    for (int i = j + 1; i < n; ++i) b[i] -= c[i] * x;
+  for (int s = 0; s < n; s += strip) {
+    const double* triangle = at(L, ld, s, s);
+    const int width = std::min(strip, n - s);
+    for (int j = 0; j < width; ++j) {
+      b[s + j] /= *at(triangle, ld, j, j);
+      for (int i = j + 1; i < width; ++i) b[s + i] -= *at(triangle, ld, i, j) * b[s + j];
+    }
+    if (width == strip) subtract_strip(triangle + strip, ld, n - s - strip, b + s, b + s + strip);
   }
-  for (int j = n - 1; j >= 0; --j) {
-    const double* c = at(L, ld, 0, j);
-    double sum[4] = {b[j], 0, 0, 0};
-    int i = j + 1;
-    for (; i + 4 <= n; i += 4)
-      for (int k = 0; k < 4; ++k) sum[k] -= c[i + k] * b[i + k];
-    for (; i < n; ++i) sum[0] -= c[i] * b[i];
-    b[j] = ((sum[0] + sum[1]) + (sum[2] + sum[3])) / c[j];
+  for (int s = (n - 1) / strip * strip; s >= 0; s -= strip) {
+    const double* triangle = at(L, ld, s, s);
+    const int width = std::min(strip, n - s);
+    if (width == strip) subtract_dots(triangle + strip, ld, n - s - strip, b + s + strip, b + s);
+    for (int j = width - 1; j >= 0; --j) {
+      for (int i = j + 1; i < width; ++i) b[s + j] -= *at(triangle, ld, i, j) * b[s + i];
+      b[s + j] /= *at(triangle, ld, j, j);
+    }
   }
 }
 
@@ -215,19 +244,28 @@ bool lu_factor(double* A, int n, int* pivot) noexcept {
 
 void lu_solve(const double* LU, int n, const int* pivot, double* b) noexcept {
   const int ld = padded(n);
-  for (int begin = 0; begin < n; begin += block) {
-    const int end = std::min(n, begin + block);
-    for (int j = begin; j < end; ++j) std::swap(b[j], b[pivot[j]]);
-    for (int j = begin; j < end; ++j) {
-      const double* c = at(LU, ld, 0, j);
-      const double x = b[j];
-      for (int i = j + 1; i < n; ++i) b[i] -= c[i] * x;
-    }
+  for (int s = 0; s < n; s += strip) {
+    if (s % block == 0)
+      for (int j = s; j < std::min(n, s + block); ++j) std::swap(b[j], b[pivot[j]]);
+    const double* triangle = at(LU, ld, s, s);
+    const int width = std::min(strip, n - s);
+    for (int j = 0; j < width; ++j)
+      for (int i = j + 1; i < width; ++i) b[s + i] -= *at(triangle, ld, i, j) * b[s + j];
+    if (width == strip) subtract_strip(triangle + strip, ld, n - s - strip, b + s, b + s + strip);
   }
-  for (int j = n - 1; j >= 0; --j) {
-    const double* c = at(LU, ld, 0, j);
-    const double x = b[j] /= c[j];
-    for (int i = 0; i < j; ++i) b[i] -= c[i] * x;
+  for (int s = (n - 1) / strip * strip; s >= 0; s -= strip) {
+    const double* triangle = at(LU, ld, s, s);
+    const int width = std::min(strip, n - s);
+    for (int j = width - 1; j >= 0; --j) {
+      b[s + j] /= *at(triangle, ld, j, j);
+      for (int i = 0; i < j; ++i) b[s + i] -= *at(triangle, ld, i, j) * b[s + j];
+    }
+    if (width == strip) {
+      subtract_strip(at(LU, ld, 0, s), ld, s, b + s, b);
+    } else {
+      for (int j = 0; j < width; ++j)
+        for (int i = 0; i < s; ++i) b[i] -= *at(LU, ld, i, s + j) * b[s + j];
+    }
   }
 }
 

@@ -13,11 +13,9 @@ namespace hapticd {
 namespace {
 
 constexpr int most_rounds = 16;
-constexpr int most_attempts = 5;              // at finding the nodes that a fast step brings into touch
-constexpr double settled_force = 1e-6;        // relative
-constexpr double settled_gap = 1e-7;          // [m]
-constexpr double sticking_slip = 1e-6;        // as contact_solve.cpp: of tr W_ii/3 · ‖λ_i‖
-constexpr double inside_the_cone = 1 - 1e-6;  // … ‖λ_t‖ / (μ λ_n) below which a contact sticks
+constexpr int most_attempts = 5;        // at finding the nodes that a fast step brings into touch
+constexpr double settled_force = 1e-6;  // relative
+constexpr double settled_gap = 1e-7;    // [m]
 
 double relaxed(int round) { return round < 4 ? 1 : round < 8 ? 0.5 : 0.25; }
 

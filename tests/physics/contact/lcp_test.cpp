@@ -230,7 +230,7 @@ TEST(Lcp, RigidObstaclesAreSolved) {
 // Seeds for which block pivoting alone visits the same active sets for ever.
 TEST(Lcp, WhereBlockPivotingCyclesTheDescentSolves) {
   LcpOptions blocks_only;
-  blocks_only.patience = 1 << 30;
+  blocks_only.patience = blocks_only.patience_with_few = 1 << 30;
   for (const std::uint64_t seed : {2, 3, 7, 11}) {
     const RigidCase c = rigid_case(seed);
     const Solved endless = solve(c.W, c.q, blocks_only);
