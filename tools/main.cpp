@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
       "Example: haptic replay config/scenes/cataract/stroke.csv --json figures.json\n"
       "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
   const Command commands[] = {add_replay(application), add_hand(application), add_chart(application),
-                              add_soak(application), add_abuse(application), add_mesh(application)};
+                              add_soak(application), add_abuse(application), add_mesh(application), add_stability(application)};
   try {
     application.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
