@@ -1,0 +1,58 @@
+// A hand on a device on a renderer, closed and offline: what a replayed trajectory cannot show.
+//
+//   each millisecond   encoder reads x (quantum) → renderer → force, delayed → hand and device (hand_model.h)
+//                      move in `substeps` parts of it
+//
+// The hand presses to `depth`, holds, goes `deeper`, holds again, and lets go, as HandScripts of `haptic
+// hand` do. Judged at rest: a loop is stable where neither hold ends in a swing, and where nothing went on
+// making energy:
+//   swing       peak to peak of x along the press in the last half of a hold [m]
+//   stiffness   (F̄₂ − F̄₁)/(x̄₁ − x̄₂) between the holds: what the hand really felt, however it came about [N/m]
+//   energy      E = −∫ F·v dt, what the renderer took in; least value [J]. Below zero it made energy
+//   surplus     least value of E + ∫ b v² dt, b the device's own damping: below zero, renderer and device
+//               together made energy: Colgate's condition, on this motion
+// Deterministic. Units: SI, device frame. Errors: std::invalid_argument as check(HandSettings).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "tools/hand_model.h"
+#include "tools/virtual_daemon.h"
+
+namespace hapticd {
+
+struct ClosedLoopSettings {
+  HandSettings hand;
+  Press press;             // its hold is the first; then `deeper`, held as long
+  double deeper = 0.3e-3;  // [m]
+  Quat orientation = Quat::Identity();
+  double arm = 0.2;  // the first pose is held so long before the press [s]
+  int substeps = 10;
+  // States on their way: false where tick i's is lost. Empty: none is.
+  std::function<bool(std::int64_t)> arrives;
+  std::function<Vec3(double)> sway;  // added to the hand's target [m]; empty: none
+};
+
+struct ClosedLoopTick {
+  double t = 0;
+  double depth = 0;  // along the press, from its start [m]
+  double force = 0;  // against the press [N]
+  std::uint32_t status = 0;
+};
+
+struct ClosedLoopResult {
+  std::vector<ClosedLoopTick> ticks;
+  double swing = 0;                          // larger of the two holds' [m]
+  double stiffness = 0;                      // [N/m]
+  double force = 0;                          // of the second hold [N]
+  double energy_min = 0;                     // [J]
+  double surplus_min = 0;                    // [J]
+  double force_max = 0, force_step_max = 0;  // of |F|; its largest change in a millisecond [N]
+  std::uint32_t status = 0;                  // every bit that was set after arming
+  bool finite = true;
+};
+
+ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& settings);
+
+}  // namespace hapticd

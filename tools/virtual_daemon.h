@@ -1,0 +1,94 @@
+// The daemon in virtual time: its simulation step and its haptic tick in one thread, for whoever holds the
+// device (closed_loop.h).
+//
+//   tick i at t = i · 1 ms   haptic_step on the newest problem in use, with the state that arrived, if one
+//   did step k                   begins at k h with the instrument as the loop told it last, latches it
+//                            `latch_after` later, and its problem is in use from `publish_after` on
+//
+// As offline_run.h, but closed: a step is computed when its problem is due, so that poses up to its latch are
+// known, whatever they depend on. A stall is a time in which no step begins. Bases are adopted at the step
+// after. Nothing depends on the clock: two runs agree bit for bit. Units: SI, ns in samples. Errors: as
+// World's.
+#pragma once
+
+#include <deque>
+#include <memory>
+
+#include "haptic/haptic_step.h"
+#include "physics/simulation/world.h"
+#include "server/scene.h"
+#include "tools/local_model.h"
+
+namespace hapticd {
+
+struct VirtualDaemonOptions {
+  // Others than `solved` are baselines: the force of local_model.h, cut off at the device's largest, with
+  // none of the daemon's watchdogs, blends and slew limits.
+  Rendering rendering = Rendering::solved;
+  bool passivity_control = false;
+  bool watchdogs = true;                 // false: a state or a problem counts for as long as none follows
+  double latch_after = 1e-3;             // of a step's begin [s]
+  double publish_after = 10e-3;          // … at most a period [s]
+  double stall_from = 0, stall_for = 0;  // [s]
+};
+
+// What renders a force from a device's state, each millisecond.
+class Renderer {
+ public:
+  virtual ~Renderer() = default;
+  // The state that arrived since the last tick, or null.
+  virtual ForceSample tick(const DeviceSample* arrived) = 0;
+};
+
+class VirtualDaemon final : public Renderer {
+ public:
+  VirtualDaemon(const Scene& scene, const VirtualDaemonOptions& options);
+
+  ForceSample tick(const DeviceSample* arrived) override;
+
+ private:
+  struct Known {
+    double t;
+    InstrumentSample sample;
+  };
+
+  void advance(double t);
+  void step(double begin);
+  InstrumentSample known_at(double t) const;
+  ForceSample baseline(const DeviceSample& sample, double t);
+
+  DeviceSettings device_;
+  Instrument instrument_;
+  HapticOptions haptic_;
+  VirtualDaemonOptions options_;
+  double h_;
+  std::unique_ptr<World> world_;
+  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
+  std::unique_ptr<HapticState> state_ = std::make_unique<HapticState>();
+  LocalModel local_;
+  std::deque<Known> known_;
+  std::deque<BaseJob> bases_;
+  DeviceSample newest_;
+  double begin_ = 0;
+  std::int64_t count_ = 0, steps_ = 0;
+};
+
+// The largest stiffness that a haptic loop can show: a wall that is a spring and a damper, no simulation.
+//
+//   F = max(0, K d + K τ ḋ) n    d: depth below the plane through `point`; ḋ: from the last two states
+class SpringWall final : public Renderer {
+ public:
+  SpringWall(const Vec3& point, const Vec3& normal, double stiffness, double damping_time)
+      : point_(point), normal_(normal), stiffness_(stiffness), damping_time_(damping_time) {}
+
+  ForceSample tick(const DeviceSample* arrived) override;
+
+ private:
+  Vec3 point_, normal_;
+  double stiffness_, damping_time_;
+  double depth_ = 0;
+  bool has_depth_ = false;
+  ForceSample last_;
+};
+
+}  // namespace hapticd
