@@ -91,7 +91,9 @@ void measure_boundary(const TetMesh& mesh, MeshQuality& q) {
 double mean_ratio(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) noexcept {
   const double squares = (a - b).squaredNorm() + (a - c).squaredNorm() + (a - d).squaredNorm() +
                          (b - c).squaredNorm() + (b - d).squaredNorm() + (c - d).squaredNorm();
-  return squares > 0 ? 12 * std::cbrt(std::pow(3 * std::abs(signed_volume(a, b, c, d)), 2)) / squares : 0;
+  const double ratio = 12 * std::cbrt(std::pow(3 * std::abs(signed_volume(a, b, c, d)), 2)) / squares;
+  // Of a point, and of what is too large for its square: none.
+  return std::isfinite(ratio) ? ratio : 0;
 }
 
 std::vector<int> pieces_of(const TetMesh& mesh) {
