@@ -129,7 +129,8 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   if (timing_.mode == LoopMode::event)
     input.period_ns = std::clamp(interval, std::int64_t{1}, options_.watchdog.period_ns);
   if (tunings_ && tunings_->acquire()) start_ramp(ramp_, tunings_->front());
-  advance(ramp_, device_, 1e-9 * static_cast<double>(input.period_ns > 0 ? input.period_ns : options_.watchdog.period_ns));
+  const std::int64_t period = input.period_ns > 0 ? input.period_ns : options_.watchdog.period_ns;
+  advance(ramp_, device_, 1e-9 * static_cast<double>(period));
   {
     const Mark theirs(Region::transport);
     input.taken = port_.take(woken, input.sample);

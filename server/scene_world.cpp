@@ -6,10 +6,10 @@ namespace hapticd {
 
 namespace {
 
-// Steps between two samples of a compliance's error: each costs two solves and an assembly, and what a base
-// is off by changes slowly.
 // When a published problem is used, in steps after its pose was latched: from 0.4 on, for one step.
 constexpr double middle_of_use = 0.9;
+// Steps between two samples of a compliance's error: each costs two solves and an assembly, and what a base
+// is off by changes slowly.
 constexpr int error_sample_every = 25;
 // Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
 constexpr double haptic_margin = 0.15;  // in alarm distances

@@ -1,10 +1,10 @@
 // Where methods fail, and where this one does: sweeps of a closed loop (closed_loop.h) until it breaks.
 //
-// A mode raises one parameter by `factor` from step to step. It breaks at the first value at which the hand
-// swings, or the renderer and device together make energy (Verdict), and that value and the last sound one
-// are kept. Naive is what is done without this project's method, said in each mode; default is the daemon as
-// it is. Analytic bounds are for a sampled spring wall K on a device of damping b, force held for T, delayed
-// by t_d:
+// A mode raises one parameter by a factor from step to step, until at least what is required of it. A method
+// breaks at the first value at which the hand swings, or renderer and device together make energy; of mode
+// `stiffness` the last sound one is kept instead, for what is displayed beyond it cannot be said. Naive is
+// what is done without this project's method, said in each mode; default is the daemon as it is. Analytic
+// bounds are for a sampled spring wall K on a device of damping b, force held for T, delayed by t_d:
 //   K ≤ b / (T/2 + t_d)                (Colgate and Schenkel 1997, passivity, hand excluded)
 //   K ≤ 2 f_c / Δ                      (Abbott and Okamura 2005, quantum Δ, Coulomb friction f_c)
 // They are sufficient for any passive hand; the hand here damps too, so a loop may last beyond them.

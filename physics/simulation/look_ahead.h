@@ -16,8 +16,8 @@
 
 namespace hapticd {
 
-// Of the corotational law, where no tetrahedron inverts and none is inverted: elsewhere a law linearised at x_p is worth nothing, and its
-// factor may not exist. Body::dx_free: Δx_p.
+// Of the corotational law, where no tetrahedron inverts and none is inverted: elsewhere a law linearised at
+// x_p is worth nothing, and its factor may not exist. Body::dx_free: Δx_p.
 bool can_look_ahead(const Body& body);
 
 // Body::dx_free: Δx_p in, Δx_free out.
