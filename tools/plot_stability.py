@@ -50,16 +50,17 @@ def draw_mode(mode, path):
     left.text(mode["required"], 1.01, "required", transform=left.get_xaxis_transform(), ha="center", fontsize=8)
     if mode["analytic_bound"] and mode["swept"][0] < mode["analytic_bound"] < mode["swept"][1]:
         left.axvline(mode["analytic_bound"], color=INK, lw=1, ls="-.")
-        left.text(mode["analytic_bound"], 1.01, "bound", transform=left.get_xaxis_transform(), ha="center", fontsize=8)
+        left.text(mode["analytic_bound"], 1.07, "bound", transform=left.get_xaxis_transform(), ha="center", fontsize=8)
     left.set(xscale="log", yscale="log", xlabel=mode["parameter"].split(",")[0], ylabel="energy made [µJ]" if by_energy else "swing at rest [µm]")
     trace = mode["trace"]
     for who, colour, label in (("naive", GREY, "naive"), ("default", ACCENT, "daemon")):
         right.plot(trace[who]["t"], trace[who]["force_n"], color=colour, lw=1, label=label)
     ours = [abs(f) for f in trace["default"]["force_n"]] or [0]
     limit = 3 * max(ours) or 1
-    right.set(xlabel="time [s]", ylabel="force on the hand [N]", ylim=(-limit, limit))
+    pulls = min(trace["naive"]["force_n"] + trace["default"]["force_n"]) < 0
+    right.set(xlabel="time [s]", ylabel="force on the hand [N]", ylim=(-limit if pulls else -0.05 * limit, limit))
     right.set_title(f"at {mode['trace_value']:g}", fontsize=9)
-    right.legend(loc="lower left", ncols=2)
+    right.legend(loc="upper left", ncols=2)
     figure.tight_layout()
     figure.savefig(path)
     plt.close(figure)
