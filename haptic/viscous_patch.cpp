@@ -1,6 +1,7 @@
 #include "haptic/viscous_patch.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "haptic/contact_capture.h"
 
@@ -8,7 +9,9 @@ namespace hapticd {
 namespace {
 
 constexpr double shortest_tick = 0.5e-3;  // [s]; states that come closer together know no speed
-constexpr int body_shift = 56;            // of a sample's id (patch.cpp)
+// Arrivals jitter by less, which is not the hand's; C would be scaled anew in each tick.
+constexpr double same_period = 0.05;  // of it
+constexpr int body_shift = 56;        // of a sample's id (patch.cpp)
 
 // β of each node, from the body in the ids of the samples on it. False if all are zero.
 bool find_relaxation(const CondensedProblem& p, const ViscousOptions& options,
@@ -44,7 +47,7 @@ void carry_over(const CondensedProblem& from, const PatchPositions& known, const
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept {
   if (options.step <= 0 || published.renewal == Renewal::frozen) return published;
-  const double T = std::max(period, shortest_tick);
+  double T = std::max(period, shortest_tick);
   if (patch.step == 0 || patch.step != published.step) {
     std::array<double, max_patch_nodes> relaxation;
     if (!find_relaxation(published, options, relaxation)) {
@@ -61,6 +64,7 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     patch.step = published.step;
     patch.period = options.step;
   }
+  if (std::abs(T - patch.period) <= same_period * patch.period) T = patch.period;
   if (patch.period != T) {
     Eigen::Map<MatX> C = patch.problem.C();
     for (int n = 0; n < published.nodes; ++n)

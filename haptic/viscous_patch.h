@@ -8,9 +8,10 @@
 // before. A published problem knows of velocity only that of its own step: in it, the force of tissue that is
 // pushed at constant speed grows over the step instead of being there at once. Mass and αM are left out: at
 // the tick's scale the patch is quasi-static beside its viscosity. At rest both are the same problem.
-// x_before is carried from problem to problem by sample ids; nodes that are new begin where they are, for what
-// was held there has not come up yet. T is at least 0.5 ms; where it changes from tick to tick, C_pp is scaled
-// anew. Units: SI. Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
+// x_before is carried from problem to problem by sample ids; nodes that are new begin where they are, for
+// what was held there has not come up yet. T is at least 0.5 ms; where it changes by more than a twentieth
+// from tick to tick, C_pp is scaled anew (less errs by that share of the viscous force). Units: SI.
+// Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
 #pragma once
 
 #include <array>

@@ -74,6 +74,27 @@ TEST(ViscousPatch, UnevenTicksFeelTheSameSpeed) {
   }
 }
 
+// Jitter of an arrival is not worth a new C_pp: it errs by its share of the viscous force, and no more.
+TEST(ViscousPatch, JitterOfTheTickLeavesTheCompliance) {
+  const double speed = 0.02;
+  const auto problem = face(1, Vec3::Zero(), Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  const double compliance = at_tick(*problem, options(), T, *patch).C()(2, 2);
+  double t = 0;
+  for (int k = 1; k <= 30; ++k) {
+    const double period = (k % 2 == 0 ? 0.96 : 1.04) * T;
+    t += period;
+    const CondensedProblem& p = at_tick(*problem, options(), period, *patch);
+    EXPECT_EQ(p.C()(2, 2), compliance);
+    EXPECT_NEAR((speed * t - p.x_free[0].z()) / p.C()(2, 2), stiffness * (speed * t + beta * speed),
+                0.0401 * stiffness * beta * speed)
+        << k;
+    PatchPositions after;
+    after.fill(Vec3(0, 0, speed * t));
+    remember(after, *patch);
+  }
+}
+
 TEST(ViscousPatch, LetGoItRelaxesToItsEquilibriumInBeta) {
   const Vec3 equilibrium(0, 0, 1e-3);
   const auto problem = face(1, equilibrium, Vec3::Zero());
