@@ -92,6 +92,7 @@ ForceSample silence(ForceSample answer, HapticState& s) noexcept {
   s.passivity = {};
   s.render = Render::zero;
   s.rendered = s.sent = s.good = {};
+  s.controlled = Vec3::Zero();
   s.unusable_for = 0;
   answer.force.setZero();
   answer.torque.setZero();
@@ -140,8 +141,10 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
   s.render = verdict.render;
   s.rendered = wrench;
   wrench = verdict.gain * wrench;
+  s.controlled = Vec3::Zero();
   if (options.passivity_control)
-    wrench.force += passivity_force(s.passivity, s.watchdog.velocity, device.damping, period);
+    s.controlled = passivity_force(s.passivity, s.watchdog.velocity, device.damping, period);
+  wrench.force += s.controlled;
 
   // limit
   bool saturation = false, slew = false;

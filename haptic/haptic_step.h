@@ -45,15 +45,16 @@ struct HapticState {
   ViscousPatch patch;
   Blend blend;
   PassivityState passivity;
-  Render render = Render::zero;  // of the previous tick
-  Wrench rendered;               // of the previous tick, before gain and limits
-  Wrench sent;                   // of the previous tick
-  Wrench good;                   // of the last usable contact solve, as rendered
-  double unusable_for = 0;       // since then [s]
-  std::uint32_t caps = 0;        // contact solves so far that ended at a cap or the deadline
+  Render render = Render::zero;    // of the previous tick
+  Wrench rendered;                 // of the previous tick, before gain and limits
+  Wrench sent;                     // of the previous tick
+  Vec3 controlled = Vec3::Zero();  // … the passivity controller's part of it, before the limits
+  Wrench good;                     // of the last usable contact solve, as rendered
+  double unusable_for = 0;         // since then [s]
+  std::uint32_t caps = 0;          // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
-  std::uint64_t step = 0;  // newest simulation step rendered
-  bool solved = false;  // this tick ran the contact solve …
+  std::uint64_t step = 0;    // newest simulation step rendered
+  bool solved = false;       // this tick ran the contact solve …
   ContactSolution solution;  // … and this came out, in the scene
 };
 

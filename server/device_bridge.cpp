@@ -61,6 +61,7 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
     m.torque[i] = f.torque[i];
   }
   m.status = f.status;
+  m.energy = static_cast<float>(f.energy);
   m.step = f.step;
   m.state_age_us = microseconds(f.state_age_ns);
   m.problem_age_ms = 1e-3f * microseconds(f.problem_age_ns);

@@ -22,18 +22,20 @@ HandTarget target(const ClosedLoopSettings& s, double t) {
 }
 
 struct Plateau {
-  double depth = 0, force = 0, swing = 0;
+  double depth = 0, force = 0, swing = 0, turning = 0;
 };
 
 // The last half of the hold that ends at `end`.
 Plateau plateau(const std::vector<ClosedLoopTick>& ticks, double end, double hold) {
   Plateau p;
-  double low = 1e300, high = -1e300;
+  double low = 1e300, high = -1e300, least = 1e300, most = -1e300;
   int n = 0;
   for (const ClosedLoopTick& tick : ticks) {
     if (tick.t < end - hold / 2 || tick.t >= end) continue;
     low = std::min(low, tick.depth);
     high = std::max(high, tick.depth);
+    least = std::min(least, tick.turn);
+    most = std::max(most, tick.turn);
     p.depth += tick.depth;
     p.force += tick.force;
     ++n;
@@ -42,20 +44,60 @@ Plateau plateau(const std::vector<ClosedLoopTick>& ticks, double end, double hol
   p.depth /= n;
   p.force /= n;
   p.swing = high - low;
+  p.turning = most - least;
   return p;
+}
+
+// States on their way to the renderer.
+class Network {
+ public:
+  explicit Network(const ClosedLoopSettings& s) : settings_(s) {}
+
+  void send(std::int64_t i, const DeviceSample& sample) {
+    const int ticks = settings_.underway ? settings_.underway(i) : 0;
+    if (ticks >= 0) way_.push_back({i + ticks, sample});
+  }
+  // What has arrived by tick i, the last of it.
+  const DeviceSample* receive(std::int64_t i) {
+    const auto due =
+        std::stable_partition(way_.begin(), way_.end(), [&](const Sent& s) { return s.due <= i; });
+    if (due == way_.begin()) return nullptr;
+    newest_ = std::prev(due)->sample;  // all that is due became so in this tick
+    way_.erase(way_.begin(), due);
+    if (settings_.renumbered) newest_.sequence = ++arrived_;
+    return &newest_;
+  }
+
+ private:
+  struct Sent {
+    std::int64_t due;
+    DeviceSample sample;
+  };
+  const ClosedLoopSettings& settings_;
+  std::vector<Sent> way_;
+  DeviceSample newest_;
+  std::uint64_t arrived_ = 0;
+};
+
+Quat turned(const Vec3& by, const Quat& q) {
+  const double angle = by.norm();
+  if (!(angle > 0)) return q;
+  return (Quat(Eigen::AngleAxisd(angle, by / angle)) * q).normalized();
 }
 
 }  // namespace
 
 ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s) {
   check(s.hand);
+  if (s.turning) check(*s.turning);
   ClosedLoopResult result;
   const double first = s.press.depth / s.press.speed + s.press.hold,
                second = first + s.deeper / s.press.speed + s.press.hold;
   const auto ticks = static_cast<std::int64_t>(std::lround((s.arm + second) / tick_s));
-  HandState hand;
+  HandState hand, turn;
   hand.x = s.press.start;
-  ForceDelay delay(s.hand.delay);
+  Network network(s);
+  ForceDelay delay(s.hand.delay), torque_delay(s.hand.delay);
   double energy = 0, dissipated = 0;
   Vec3 before = Vec3::Zero();
   for (std::int64_t i = 0; i < ticks; ++i) {
@@ -63,17 +105,22 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
     const std::int64_t ns = 1'000'000 * i;
     DeviceSample sample;
     sample.sequence = static_cast<std::uint64_t>(i) + 1;
-    sample.pose = {quantised(hand.x, s.hand.quantum), s.orientation};
+    sample.pose = {quantised(hand.x, s.hand.quantum),
+                   turned(s.turning ? quantised(turn.x, s.turning->quantum) : turn.x, s.orientation)};
     sample.enable = true;
-    const ForceSample answer = renderer.tick(!s.arrives || s.arrives(i) ? &sample : nullptr);
-    if (!answer.force.allFinite() || !hand.x.allFinite()) {
+    sample.buttons = s.buttons ? s.buttons(t) : 0;
+    network.send(i, sample);
+    const ForceSample answer = renderer.tick(network.receive(i));
+    if (!answer.force.allFinite() || !answer.torque.allFinite() || !hand.x.allFinite()) {
       result.finite = false;
       return result;
     }
     delay.push(ns, answer.force);
-    const Vec3 travelled = hand.x - s.press.start;
-    result.ticks.push_back(
-        {t, travelled.dot(s.press.direction), -answer.force.dot(s.press.direction), answer.status});
+    torque_delay.push(ns, answer.torque);
+    result.ticks.push_back({t, (hand.x - s.press.start).dot(s.press.direction),
+                            -answer.force.dot(s.press.direction), answer.force.norm(),
+                            (answer.force - before).norm(), answer.torque.norm(), turn.x.norm(), energy,
+                            answer.step, answer.status});
     if (t > ramped_up - s.arm) {
       result.status |= answer.status;
       result.force_max = std::max(result.force_max, answer.force.norm());
@@ -83,11 +130,18 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
     const double h = tick_s / s.substeps;
     for (int k = 0; k < s.substeps; ++k) {
       const double part = static_cast<double>(k) / s.substeps;
-      const Vec3 force = saturated(delay.at(ns + static_cast<std::int64_t>(1e6 * part)), s.hand.saturation);
+      const std::int64_t now = ns + static_cast<std::int64_t>(1e6 * part);
+      const Vec3 force = saturated(delay.at(now), s.hand.saturation);
       const Vec3 x = hand.x;
       hand = advanced(s.hand, hand, target(s, std::max(0.0, t + tick_s * part)), force, h);
       energy -= force.dot(hand.x - x);
       dissipated += h * s.hand.device_damping * hand.v.squaredNorm();
+      if (s.turning) {
+        const Vec3 torque = saturated(torque_delay.at(now), s.turning->saturation), angle = turn.x;
+        turn = advanced(*s.turning, turn, {}, torque, h);
+        energy -= torque.dot(turn.x - angle);
+        dissipated += h * s.turning->device_damping * turn.v.squaredNorm();
+      }
       result.energy_min = std::min(result.energy_min, energy);
       result.surplus_min = std::min(result.surplus_min, energy + dissipated);
     }
@@ -95,6 +149,7 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
   const Plateau one = plateau(result.ticks, first, s.press.hold),
                 two = plateau(result.ticks, second, s.press.hold);
   result.swing = std::max(one.swing, two.swing);
+  result.turning = std::max(one.turning, two.turning);
   result.force = two.force;
   if (two.depth > one.depth) result.stiffness = (two.force - one.force) / (two.depth - one.depth);
   return result;

@@ -1,8 +1,10 @@
 // A hand on a device on a renderer, closed and offline: what a replayed trajectory cannot show.
 //
-//   each millisecond   encoder reads x (quantum) → renderer → force, delayed → hand and device (hand_model.h)
-//                      move in `substeps` parts of it
+//   each millisecond   encoder reads x (quantum) → network → renderer → force, delayed → hand and device
+//                      (hand_model.h) move in `substeps` parts of it
 //
+// A hand may turn as well: the same model in angles, its x a rotation vector beside `orientation`, in rad,
+// kg·m², N·m/rad, N·m·s/rad, driven by the torque. Of states that arrive in one tick the last is seen.
 // The hand presses to `depth`, holds, goes `deeper`, holds again, and lets go, as HandScripts of `haptic
 // hand` do. Judged at rest: a loop is stable where neither hold ends in a swing, and where nothing went on
 // making energy:
@@ -11,10 +13,12 @@
 //   energy      E = −∫ F·v dt, what the renderer took in; least value [J]. Below zero it made energy
 //   surplus     least value of E + ∫ b v² dt, b the device's own damping: below zero, renderer and device
 //               together made energy: Colgate's condition, on this motion
-// Deterministic. Units: SI, device frame. Errors: std::invalid_argument as check(HandSettings).
+// Both energies count the turning too. Deterministic. Units: SI, device frame. Errors: std::invalid_argument
+// as check(HandSettings).
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "tools/hand_model.h"
@@ -29,21 +33,31 @@ struct ClosedLoopSettings {
   Quat orientation = Quat::Identity();
   double arm = 0.2;  // the first pose is held so long before the press [s]
   int substeps = 10;
-  // States on their way: false where tick i's is lost. Empty: none is.
-  std::function<bool(std::int64_t)> arrives;
+  std::optional<HandSettings> turning;
+  // Ticks that the state of tick i is on its way; below zero: lost. Empty: none.
+  std::function<int(std::int64_t)> underway;
+  bool renumbered = false;           // states are numbered as they arrive: nobody can tell that one is old
   std::function<Vec3(double)> sway;  // added to the hand's target [m]; empty: none
+  std::function<std::uint32_t(double)> buttons;  // empty: none is pressed
 };
 
 struct ClosedLoopTick {
   double t = 0;
-  double depth = 0;  // along the press, from its start [m]
-  double force = 0;  // against the press [N]
+  double depth = 0;           // along the press, from its start [m]
+  double force = 0;           // against the press [N]
+  double size = 0;            // |F| [N]
+  double step = 0;            // |F − F of the tick before| [N]
+  double torque = 0;          // |τ| [N·m]
+  double turn = 0;            // of the hand, |rotation vector| [rad]
+  double energy = 0;          // what the renderer has taken in since the start [J]
+  std::uint64_t problem = 0;  // simulation step of the condensed problem
   std::uint32_t status = 0;
 };
 
 struct ClosedLoopResult {
   std::vector<ClosedLoopTick> ticks;
   double swing = 0;                          // larger of the two holds' [m]
+  double turning = 0;                        // the same of the hand's turn [rad]
   double stiffness = 0;                      // [N/m]
   double force = 0;                          // of the second hold [N]
   double energy_min = 0;                     // [J]

@@ -52,7 +52,9 @@ TimedScript press_script(const HandOptions& options) {
     throw UsageError("--orientation: must be a unit quaternion x,y,z,w");
   command.pose.q.normalize();
   command.buttons = options.buttons;
-  return {{[press](double t) { return target_at(press, t); }, [command](double) { return command; }},
+  const double pressed = press.depth / press.speed;
+  return {{[press](double t) { return target_at(press, t); }, [command](double) { return command; },
+           pressed + 0.5 * press.hold, pressed + press.hold},
           press.duration() + 0.5};
 }
 
@@ -93,6 +95,8 @@ void report_hand(const HandOptions& options, const HandSource& source, nlohmann:
   json["applied_force_rms_n"] = force_rms;
   json["position_error_rms_m"] = error_rms;
   json["position_error_max_m"] = f.error_max;
+  // Diagonal of the box that x stays in while a press holds still, its second half.
+  if (!f.rest.isEmpty()) json["swing_at_rest_m"] = f.rest.diagonal().norm();
   // Sign: energy that the server took in through the device's port; below zero it gave more than it took.
   json["energy_absorbed_j"] = f.passivity.energy;
   json["energy_absorbed_min_j"] = f.passivity.minimum;

@@ -43,6 +43,8 @@ void HandSource::advance_one_slot(std::int64_t slot_ns) noexcept {
     figures_.force_max = std::max(figures_.force_max, force.norm());
     figures_.error_square_sum += error * error;
     figures_.error_max = std::max(figures_.error_max, error);
+    const double t = 1e-3 * (static_cast<double>(reached_) + part);
+    if (t >= script_.rest_from && t < script_.rest_to) figures_.rest.extend(state_.x);
     ++figures_.substeps;
   }
   ++reached_;

@@ -6,6 +6,7 @@
 // Guarantee: `at` does not allocate. Figures are for after the run.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <functional>
 
 #include "tools/client.h"
@@ -17,6 +18,7 @@ namespace hapticd {
 struct HandScript {
   std::function<HandTarget(double)> target;
   std::function<DeviceCommand(double)> command;  // orientation and buttons; its position is not used
+  double rest_from = 0, rest_to = 0;             // in which it should be at rest [s]
 };
 
 struct HandFigures {
@@ -24,6 +26,7 @@ struct HandFigures {
   double error_square_sum = 0;  // of x − x_target, per substep [m²]
   double error_max = 0;         // [m]
   double force_max = 0;         // applied [N]
+  Eigen::AlignedBox3d rest;     // of x while the script has it at rest [m]
   std::int64_t substeps = 0;
   PassivityObserver passivity;
 };

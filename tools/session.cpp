@@ -107,13 +107,14 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
             Table& table) {
   const DeviceClient& client = session.client;
   const SlotBook& book = client.book();
-  double peak = 0, penetration = 0;
+  double peak = 0, penetration = 0, energy = 0;
   std::int64_t in_contact = 0;
   std::vector<double> age, wake, solve;
   for_each_answer(client, [&](std::int64_t, const hapticd_msg_ForceCommand& m) {
     const double force = force_of(m).norm();
     peak = std::max(peak, force);
     penetration = std::max(penetration, static_cast<double>(m.penetration_um));
+    energy = std::min(energy, static_cast<double>(m.energy));
     in_contact += force > contact_force;
     age.push_back(m.state_age_us);
     wake.push_back(m.wake_us);
@@ -141,6 +142,7 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
   json["solve_us"] = to_json(quantiles(solve));
   json["force_peak_n"] = peak;
   json["penetration_max_um"] = penetration;
+  json["energy_observed_min_j"] = energy;  // by the daemon, in the force messages
   json["contact_share"] = rounded(share(in_contact, book.answered()), 5);
   json["status_seen"] = client.status_seen();
   json["status_seen_text"] = status_text(client.status_seen());

@@ -1,4 +1,5 @@
 // haptic stability: options, figures and pictures of stability.h.
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -11,6 +12,7 @@
 #include "tools/progress.h"
 #include "tools/report.h"
 #include "tools/stability.h"
+#include "tools/stability_dds.h"
 
 namespace hapticd {
 
@@ -18,6 +20,7 @@ namespace {
 
 struct Options {
   std::string json, out;
+  bool dds = false;
   StabilitySettings settings;
 };
 
@@ -25,75 +28,160 @@ nlohmann::ordered_json number_or_null(double value, int decimals) {
   return value > 0 ? nlohmann::ordered_json(rounded(value, decimals)) : nlohmann::ordered_json(nullptr);
 }
 
-nlohmann::ordered_json to_json(const ClosedLoopResult& r) {
-  return {{"finite", r.finite},
-          {"swing_um", rounded(1e6 * r.swing, 3)},
-          {"stiffness_n_m", rounded(r.stiffness, 2)},
-          {"surplus_uj", rounded(1e6 * r.surplus_min, 4)},
-          {"force_max_n", rounded(r.force_max, 5)},
-          {"force_step_max_n", rounded(r.force_step_max, 5)}};
+nlohmann::ordered_json to_json(const StabilityTrial& trial) {
+  nlohmann::ordered_json j = {
+      {"judged", std::isfinite(trial.judged) ? nlohmann::ordered_json(rounded(trial.judged, 6))
+                                             : nlohmann::ordered_json(nullptr)},
+      {"status", trial.status}};
+  if (!trial.says.empty()) j["says"] = trial.says;
+  if (!trial.loop) return j;
+  // Stability and passivity, each by itself.
+  const ClosedLoopResult& r = *trial.loop;
+  j["swing_um"] = rounded(1e6 * r.swing, 3);
+  j["surplus_uj"] = rounded(1e6 * r.surplus_min, 4);
+  j["stiffness_n_m"] = rounded(r.stiffness, 2);
+  j["force_max_n"] = rounded(r.force_max, 5);
+  j["force_step_max_n"] = rounded(r.force_step_max, 5);
+  return j;
 }
 
-// Depth and force of every second millisecond: pictures need no more.
-nlohmann::ordered_json trace(const ClosedLoopResult& r) {
-  nlohmann::ordered_json j = {{"t", nlohmann::ordered_json::array()}, {"depth_mm", {}}, {"force_n", {}}};
-  for (std::size_t i = 0; i < r.ticks.size(); i += 2) {
-    j["t"].push_back(rounded(r.ticks[i].t, 4));
-    j["depth_mm"].push_back(rounded(1e3 * r.ticks[i].depth, 4));
-    j["force_n"].push_back(rounded(r.ticks[i].force, 5));
+nlohmann::ordered_json to_json(const std::vector<std::pair<double, double>>& trace) {
+  nlohmann::ordered_json j = {{"x", nlohmann::ordered_json::array()}, {"y", nlohmann::ordered_json::array()}};
+  for (const auto& [x, y] : trace) {
+    j["x"].push_back(rounded(x, 4));
+    j["y"].push_back(rounded(y, 9));
   }
   return j;
 }
 
 nlohmann::ordered_json to_json(const StabilityMode& m) {
+  const StabilityPlan& plan = m.plan;
   nlohmann::ordered_json j = {{"mode", m.mode},
-                              {"parameter", m.parameter},
-                              {"naive", m.naive},
-                              {"judged_by", m.by_energy ? "energy" : "swing"},
-                              {"swept", {m.swept_from, m.swept_to}},
-                              {"naive_breaks_at", number_or_null(m.naive_breaks_at, 3)},
-                              {"default_breaks_at", number_or_null(m.default_breaks_at, 3)},
-                              {"analytic_bound", number_or_null(m.analytic_bound, 3)},
-                              {"required", rounded(m.required, 3)},
-                              {"required_because", m.reason},
+                              {"parameter", plan.parameter},
+                              {"naive", plan.naive},
+                              {"default", plan.ours},
+                              {"judged", plan.judged},
+                              {"limit", plan.limit},
+                              {"last_sound", plan.last_sound},
+                              {"naive_breaks_at", number_or_null(m.naive_breaks_at, 4)},
+                              {"default_breaks_at", number_or_null(m.default_breaks_at, 4)},
+                              {"analytic_bound", number_or_null(plan.analytic_bound, 3)},
+                              {"required", rounded(plan.required, 4)},
+                              {"required_because", plan.reason},
                               {"default_status_when_broken", m.default_breaks_at > 0 ? m.default_status : 0},
+                              {"default_says", m.default_says},
                               {"ends_in_safe_state", m.ends_safe},
                               {"survives_required_range", m.survives}};
-  const StabilityMode::Point *broken = nullptr, *beside = nullptr;
+  if (!plan.values.empty()) j["swept"] = {plan.values.front(), plan.values.back()};
+  const StabilityMode::Point* broken = nullptr;
   for (const StabilityMode::Point& p : m.points) {
     nlohmann::ordered_json point = {{"value", rounded(p.value, 4)}};
     if (p.has_naive) point["naive"] = to_json(p.naive);
     if (p.has_ours) point["default"] = to_json(p.ours);
     j["points"].push_back(std::move(point));
-    if (p.has_naive && p.has_ours) broken = beside = &p;
+    if (p.has_naive && p.has_ours) broken = &p;
   }
   // The last value at which both ran: where the first of them breaks.
   if (broken) {
     j["trace_value"] = rounded(broken->value, 4);
-    j["trace"] = {{"naive", trace(broken->naive)}, {"default", trace(beside->ours)}};
+    j["trace"] = {{"x", plan.trace_x},
+                  {"y", plan.trace_y},
+                  {"naive", to_json(broken->naive.trace)},
+                  {"default", to_json(broken->ours.trace)}};
   }
   return j;
+}
+
+nlohmann::ordered_json to_json(const StiffnessPoint& p) {
+  nlohmann::ordered_json j;
+  if (!p.hand.empty()) j = {{"hand", p.hand}, {"source", p.source}};
+  j["mass_kg"] = p.mass;
+  j["damping_ns_m"] = p.damping;
+  j["stiffness_n_m"] = p.stiffness;
+  j["device_damping_ns_m"] = p.device_damping;
+  const auto put = [&](const char* name, const Largest& of) {
+    j[std::string(name) + "_n_m"] = rounded(of.steady, 1);
+    j[std::string(name) + "_passive_n_m"] = rounded(of.passive, 1);
+  };
+  put("wall", p.wall);
+  put("default", p.ours);
+  put("held", p.held);
+  if (p.controlled.steady > 0) put("controlled", p.controlled);
+  j["colgate_n_m"] = rounded(p.colgate, 1);
+  return j;
+}
+
+nlohmann::ordered_json to_json(const RandomReport& r) {
+  return {{"passivity_control", r.passivity_control},
+          {"ticks", r.ticks},
+          {"in_contact", r.in_contact},
+          {"not_finite", r.not_finite},
+          {"above_maximum", r.above_maximum},
+          {"latched", r.latched},
+          {"saturated", r.saturated},
+          {"solver_caps", r.solver_caps},
+          {"removed", r.removed},
+          {"force_max_n", rounded(r.force_max, 5)},
+          {"device_max_n", r.device_max},
+          {"energy_made_mj", rounded(1e3 * r.made, 5)},
+          {"energy_absorbed_mj", rounded(1e3 * r.absorbed, 5)},
+          {"controlled_force_max_n", rounded(r.controlled_force_max, 5)},
+          {"controlled_force_rms_n", rounded(r.controlled_force_rms, 6)},
+          {"controlled_work_mj", rounded(1e3 * r.controlled_work, 5)},
+          {"status", r.status}};
+}
+
+nlohmann::ordered_json to_json(const DdsPress& p) {
+  return {{"force_scale", p.force_scale},
+          {"displayed_n_m", rounded(p.displayed, 1)},
+          {"ran", p.ran},
+          {"swing_um", rounded(1e6 * p.swing, 2)},
+          {"made_uj", rounded(1e6 * p.made, 3)},
+          {"offline_swing_um", rounded(1e6 * p.offline_swing, 2)},
+          {"offline_made_uj", rounded(1e6 * p.offline_made, 3)},
+          {"round_trip_p99_us", rounded(p.round_trip_p99_us, 1)}};
 }
 
 nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
   nlohmann::ordered_json json;
   json["command"] = "stability";
   json["quick"] = quick;
-  for (const StiffnessPoint& p : chart.map)
-    json["map"].push_back({{"device_damping_ns_m", p.damping},
-                           {"wall_n_m", rounded(p.wall, 1)},
-                           {"default_n_m", rounded(p.ours, 1)},
-                           {"held_n_m", rounded(p.held, 1)},
-                           {"wall_passive_n_m", rounded(p.wall_passive, 1)},
-                           {"default_passive_n_m", rounded(p.ours_passive, 1)},
-                           {"held_passive_n_m", rounded(p.held_passive, 1)},
-                           {"colgate_n_m", rounded(p.colgate, 1)}});
+  for (const StiffnessPoint& p : chart.map) json["map"].push_back(to_json(p));
+  for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
+  for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   return json;
 }
 
-std::string at(double value) { return value > 0 ? fixed(value, value < 100 ? 1 : 0) : "–"; }
+std::string at(double value) {
+  return value <= 0     ? "–"
+         : value >= 1e5 ? fixed(1e-3 * value, 0) + "k"
+                        : fixed(value, value < 1     ? 3
+                                       : value < 100 ? 1
+                                                     : 0);
+}
+
+bool print(const StabilityChart& chart) {
+  bool all = true;
+  std::printf("%-20s %9s %9s %9s %9s\n", "mode", "naive", "default", "bound", "required");
+  for (const StabilityMode& m : chart.modes) {
+    std::printf("%-20s %9s %9s %9s %9s  %s\n", m.mode.c_str(), at(m.naive_breaks_at).c_str(),
+                at(m.default_breaks_at).c_str(), at(m.plan.analytic_bound).c_str(),
+                at(m.plan.required).c_str(),
+                m.survives ? (m.ends_safe ? "safe state" : "survives") : "BREAKS");
+    all = all && m.survives;
+  }
+  for (const RandomReport& r : chart.random) {
+    const bool sound = r.not_finite == 0 && r.above_maximum == 0;
+    std::printf(
+        "random: %lld ticks, controller %s, %d removed, largest force %.3f of %.1f N, made %.4f mJ  %s\n",
+        static_cast<long long>(r.ticks), r.passivity_control ? "on" : "off", r.removed, r.force_max,
+        r.device_max, 1e3 * r.made, sound ? "sound" : "UNSOUND");
+    all = all && sound;
+  }
+  return all;
+}
 
 int stability(const Options& options) {
   const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
@@ -105,16 +193,22 @@ int stability(const Options& options) {
       return !interrupted();
     });
   }
-  if (interrupted()) return 1;
-  bool all = true;
-  std::printf("%-17s %10s %10s %10s %10s\n", "mode", "naive", "default", "bound", "required");
-  for (const StabilityMode& m : chart.modes) {
-    std::printf("%-17s %10s %10s %10s %10s  %s\n", m.mode.c_str(), at(m.naive_breaks_at).c_str(),
-                at(m.default_breaks_at).c_str(), at(m.analytic_bound).c_str(), at(m.required).c_str(),
-                m.survives ? (m.ends_safe ? "safe state" : "survives") : "BREAKS");
-    all = all && m.survives;
+  std::vector<DdsPress> presses;
+  if (options.dds && !interrupted()) {
+    Progress progress("stability over DDS");
+    presses = press_over_dds(options.settings.quick, [&](double fraction) {
+      progress.show(fraction, "haptic hand");
+      return !interrupted();
+    });
   }
-  const nlohmann::ordered_json json = to_json(chart, options.settings.quick);
+  if (interrupted()) return 1;
+  const bool all = print(chart);
+  for (const DdsPress& p : presses)
+    std::printf("over DDS: %8.0f N/m displayed  swing %6.1f µm (offline %6.1f)  made %8.2f µJ (%8.2f)%s\n",
+                p.displayed, 1e6 * p.swing, 1e6 * p.offline_swing, 1e6 * p.made, 1e6 * p.offline_made,
+                p.ran ? "" : "  DID NOT RUN");
+  nlohmann::ordered_json json = to_json(chart, options.settings.quick);
+  for (const DdsPress& p : presses) json["dds"].push_back(to_json(p));
   if (!options.json.empty()) write_json(options.json, json);
   if (!options.out.empty()) {
     std::filesystem::create_directories(options.out);
@@ -138,7 +232,10 @@ Command add_stability(CLI::App& application) {
   app->add_option("--mode", options->settings.only, "only these")
       ->delimiter(',')
       ->check(CLI::IsMember(stability_mode_names()));
-  app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: ten seconds");
+  app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
+  app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
+  app->add_option("--ticks", options->settings.random_ticks, "of the random loop, default a million")
+      ->check(CLI::PositiveNumber);
   app->footer(
       "Exit code 1 where the daemon breaks within what is required of it.\n"
       "Example: haptic stability --quick --out build/stability");

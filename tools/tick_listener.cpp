@@ -61,6 +61,7 @@ ForceRecord TickListener::record_of(const Force& f) {
   record.force.contacts = m.contacts;
   record.force.active = m.active;
   record.force.penetration = 1e-6 * static_cast<double>(m.penetration_um);
+  record.force.energy = static_cast<double>(m.energy);
   if (m.echo_number == 0 || m.echo_number == answered_) return record;
   answered_ = m.echo_number;
   const State& s = state_[m.echo_number % remembered];

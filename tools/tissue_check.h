@@ -64,6 +64,10 @@ struct TissueCheckGroup {
 };
 const std::vector<TissueCheckGroup>& tissue_check_groups();
 
+// Stiffness of the pressed square of the chart of locking, over the exact one, on a mesh of n elements along an
+// edge (even); ν above `cap` lowered to it.
+double indentation_stiffness(double poisson, double cap, int n);
+
 // The groups. Elements:
 void check_patch(Effort, TissueFindings&);
 void check_invariance(Effort, TissueFindings&);

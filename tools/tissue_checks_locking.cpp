@@ -194,6 +194,12 @@ void measure(const char* name, Maker make, int n, double nu, TissueFindings& fin
 
 }  // namespace
 
+double indentation_stiffness(double poisson, double cap, int n) {
+  const Material real{young, poisson, 1000, 0, 0};
+  const Problem s = indentation(n, real, lowered(real, cap));
+  return s.exact / s.displacement(solve_linear(stiffness_at_rest(s.model), s.load, s.held));
+}
+
 void check_locking(Effort effort, TissueFindings& findings) {
   const std::vector<int> indented = effort == Effort::quick ? std::vector{8, 16} : std::vector{8, 16, 24};
   const std::vector<int> tubes = effort == Effort::quick ? std::vector{2, 4} : std::vector{2, 4, 8, 16};

@@ -16,6 +16,15 @@ constexpr std::int64_t first_ns = 1'000'000'000;
 
 std::int64_t in_ns(double t) { return first_ns + static_cast<std::int64_t>(1e9 * t + 0.5); }
 
+std::unique_ptr<World> world_of(const Scene& scene, const VirtualDaemonOptions& options) {
+  WorldSettings settings = world_settings(scene);
+  if (options.sweeps_only > 0) {
+    settings.coulomb.max_newton = 0;
+    settings.coulomb.max_sweeps = options.sweeps_only;
+  }
+  return make_world(scene, settings);
+}
+
 }  // namespace
 
 VirtualDaemon::VirtualDaemon(const Scene& scene, const VirtualDaemonOptions& options)
@@ -24,9 +33,15 @@ VirtualDaemon::VirtualDaemon(const Scene& scene, const VirtualDaemonOptions& opt
       haptic_(haptic_options(scene)),
       options_(options),
       h_(1 / scene.rate),
-      world_(make_world(scene)),
+      world_(world_of(scene, options)),
       local_(options.rendering, instrument_, haptic_.contact, h_) {
   haptic_.passivity_control = options.passivity_control;
+  haptic_.blend_time = options.blend_time.value_or(haptic_.blend_time);
+  if (options.sweeps_only > 0) {
+    haptic_.contact.coulomb.max_newton = 0;
+    haptic_.contact.coulomb.max_sweeps = options.sweeps_only;
+    haptic_.usable_residual = 1e300;
+  }
   if (!options.watchdogs) {
     constexpr std::int64_t never = std::int64_t{1} << 60;
     WatchdogLimits& w = haptic_.watchdog;
@@ -107,7 +122,10 @@ ForceSample VirtualDaemon::tick(const DeviceSample* arrived) {
   const InstrumentInput told = instrument_input(device_, haptic_.watchdog, state_->watchdog, input.now_ns);
   known_.push_back(
       {t, {told.X, told.present, (told.buttons & pedal_phaco) != 0, (told.buttons & pedal_aspiration) != 0}});
-  return options_.rendering == Rendering::solved ? answer : baseline(newest_, t);
+  if (options_.rendering == Rendering::solved) return answer;
+  ForceSample other = baseline(newest_, t);
+  other.step = answer.step;
+  return other;
 }
 
 ForceSample SpringWall::tick(const DeviceSample* arrived) {

@@ -13,6 +13,7 @@
 
 #include <deque>
 #include <memory>
+#include <optional>
 
 #include "haptic/haptic_step.h"
 #include "physics/simulation/world.h"
@@ -30,6 +31,8 @@ struct VirtualDaemonOptions {
   double latch_after = 1e-3;             // of a step's begin [s]
   double publish_after = 10e-3;          // … at most a period [s]
   double stall_from = 0, stall_for = 0;  // [s]
+  std::optional<double> blend_time;      // after a removal [s]; absent: the daemon's
+  int sweeps_only = 0;  // > 0: contact by so many sweeps of block Gauss-Seidel, in both loops
 };
 
 // What renders a force from a device's state, each millisecond.
@@ -45,6 +48,9 @@ class VirtualDaemon final : public Renderer {
   VirtualDaemon(const Scene& scene, const VirtualDaemonOptions& options);
 
   ForceSample tick(const DeviceSample* arrived) override;
+
+  const World& world() const { return *world_; }
+  const HapticState& haptic() const { return *state_; }
 
  private:
   struct Known {

@@ -105,6 +105,7 @@ TEST_F(Dds, StateArrivesWholeAndTheForceEchoesIt) {
   force.state_age_ns = 250'000;
   force.penetration = 12e-6;
   force.contacts = 70'000;
+  force.energy = -2.5e-6;
   port.write(force);
   hapticd_msg_ForceCommand got{};
   ASSERT_TRUE(within_two_seconds([&] {
@@ -120,6 +121,7 @@ TEST_F(Dds, StateArrivesWholeAndTheForceEchoesIt) {
   EXPECT_FLOAT_EQ(got.state_age_us, 250);
   EXPECT_FLOAT_EQ(got.penetration_um, 12);
   EXPECT_EQ(got.contacts, 65535);  // does not wrap
+  EXPECT_FLOAT_EQ(got.energy, -2.5e-6f);
 }
 
 TEST_F(Dds, TheNewestOfSeveralStatesIsTaken) {

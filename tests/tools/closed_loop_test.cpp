@@ -4,7 +4,6 @@
 
 #include "server/paths.h"
 #include "server/scene_reader.h"
-#include "tools/stability.h"
 
 namespace hapticd {
 namespace {
@@ -73,17 +72,65 @@ TEST(ClosedLoop, DaemonStandsWhereTheHeldForceSwingsAndBothAreRepeatableBitForBi
     ASSERT_EQ(ours.ticks[i].force, again.ticks[i].force) << i;
 }
 
-// The quick atlas: in every mode the naive method breaks within the range, and the daemon does what is asked.
-TEST(Stability, QuickAtlas) {
-  StabilitySettings settings;
-  settings.quick = true;
-  const StabilityChart chart = chart_stability(read_scene(config_directory() / "scenes/cube/cube.yaml"),
-                                               settings, [](double, const std::string&) { return true; });
-  ASSERT_EQ(chart.modes.size(), stability_mode_names().size());
-  for (const StabilityMode& m : chart.modes) {
-    EXPECT_GT(m.naive_breaks_at, 0) << m.mode;
-    EXPECT_TRUE(m.survives) << m.mode << ": broke at " << m.default_breaks_at;
+// What a renderer gets to see of the states: 0 where none came.
+class Seen final : public Renderer {
+ public:
+  std::vector<std::uint64_t> numbers;
+  ForceSample tick(const DeviceSample* arrived) override {
+    numbers.push_back(arrived ? arrived->sequence : 0);
+    return {};
   }
+};
+
+std::vector<std::uint64_t> seen(const ClosedLoopSettings& s) {
+  Seen renderer;
+  run_closed_loop(renderer, s);
+  renderer.numbers.resize(8);
+  return renderer.numbers;
+}
+
+// States are numbered from 1 and sent one a tick.
+TEST(ClosedLoop, NetworkDelaysLosesAndReorders) {
+  using Numbers = std::vector<std::uint64_t>;
+  ClosedLoopSettings s = press();
+  EXPECT_EQ(seen(s), (Numbers{1, 2, 3, 4, 5, 6, 7, 8}));
+  s.underway = [](std::int64_t) { return 2; };
+  EXPECT_EQ(seen(s), (Numbers{0, 0, 1, 2, 3, 4, 5, 6}));
+  s.underway = [](std::int64_t i) { return i % 2 ? -1 : 0; };
+  EXPECT_EQ(seen(s), (Numbers{1, 0, 3, 0, 5, 0, 7, 0}));
+  // Each first of three comes after the second; of two in one tick the later sent is seen.
+  s.underway = [](std::int64_t i) { return i % 3 ? 0 : 2; };
+  EXPECT_EQ(seen(s), (Numbers{0, 2, 3, 0, 5, 6, 0, 8}));
+  s.renumbered = true;
+  s.underway = [](std::int64_t i) { return i % 4 ? 0 : 1; };
+  EXPECT_EQ(seen(s), (Numbers{0, 1, 2, 3, 0, 4, 5, 6}));
+}
+
+// A torsion spring of the renderer's and the hand's own, no target turned: what was turned comes back, and
+// the renderer, having only stored, ends with what it took in.
+class Torsion final : public Renderer {
+ public:
+  ForceSample tick(const DeviceSample* arrived) override {
+    ForceSample answer;
+    const Eigen::AngleAxisd turn(arrived->pose.q);
+    answer.torque = Vec3(0, 0, 1e-2) - 0.1 * turn.angle() * turn.axis();
+    return answer;
+  }
+};
+
+TEST(ClosedLoop, HandTurnsUntilTorquesBalance) {
+  ClosedLoopSettings s = press();
+  HandSettings turning;
+  turning.mass = 1e-4;
+  turning.stiffness = 0.3;
+  turning.damping = 5e-3;
+  turning.device_damping = 0;
+  s.turning = turning;
+  Torsion renderer;
+  const ClosedLoopResult r = run_closed_loop(renderer, s);
+  EXPECT_NEAR(r.ticks.back().turn, 1e-2 / 0.4, 1e-6);
+  EXPECT_NEAR(r.ticks.back().torque, 1e-2 * 0.3 / 0.4, 1e-6);
+  EXPECT_LT(r.turning, 1e-6);
 }
 
 }  // namespace

@@ -1,0 +1,27 @@
+// The stiffness mode over DDS: `haptic hand` on a running daemon, beside the same press offline.
+//
+// The cube scene's daemon is started for each stiffness with the device's limits lifted, as offline. Time is
+// the machine's here, so figures vary; a pair of processes, a network and a scheduler are in the loop.
+// Judged as offline: swing at rest, and energy made at the device's port less what the device's own damping
+// takes (hand.h reports the first part alone, so passive here is the stricter).
+// Errors: std::runtime_error when a daemon does not start.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+namespace hapticd {
+
+struct DdsPress {
+  double force_scale = 0;
+  double displayed = 0;  // of the same press offline [N/m]; 0: not sound there
+  bool ran = false;      // the daemon armed and answered nine states of ten
+  double swing = 0;      // over DDS [m]
+  double made = 0;       // over DDS: −least of −∫ F·v dt [J]
+  double offline_swing = 0, offline_made = 0;
+  double round_trip_p99_us = 0;
+};
+
+std::vector<DdsPress> press_over_dds(bool quick, const std::function<bool(double)>& progress);
+
+}  // namespace hapticd

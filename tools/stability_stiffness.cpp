@@ -1,0 +1,147 @@
+#include "tools/stability_stiffness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "tools/stability_bench.h"
+
+namespace hapticd {
+
+namespace {
+
+template <class Run, class Displayed>
+Largest largest(const Run& run, const HandSettings& hand, double from, double to, double factor,
+                const Displayed& displayed) {
+  Largest found;
+  bool steady = true, passive = true;
+  for (double value = from; value <= to && (steady || passive); value *= factor) {
+    const ClosedLoopResult r = run(value);
+    steady = steady && !swings(r, hand);
+    passive = passive && !makes_energy(r) && !swings(r, hand);
+    if (steady) found.steady = displayed(value, r);
+    if (passive) found.passive = displayed(value, r);
+  }
+  return found;
+}
+
+Largest best(const Largest& a, const Largest& b) {
+  return {std::max(a.steady, b.steady), std::max(a.passive, b.passive)};
+}
+
+StiffnessPoint measure(StabilityBench& bench, const ClosedLoopSettings& s, double factor, bool controller) {
+  StiffnessPoint p;
+  p.mass = s.hand.mass;
+  p.damping = s.hand.damping;
+  p.stiffness = s.hand.stiffness;
+  p.device_damping = s.hand.device_damping;
+  p.colgate = 2 * s.hand.device_damping / haptic_period;
+  const auto itself = [](double K, const ClosedLoopResult&) { return K; };
+  const auto shown = [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); };
+  for (const double time : {0.0, 1e-3, 2e-3, 5e-3})
+    p.wall = best(p.wall,
+                  largest([&](double K) { return bench.wall(K, s, time); }, s.hand, 20, 4e5, factor, itself));
+  const auto daemon = [&](const VirtualDaemonOptions& options) {
+    return largest([&](double f) { return bench.daemon(f, s, options); }, s.hand, 0.5, 1e4, factor, shown);
+  };
+  p.ours = daemon({});
+  VirtualDaemonOptions options;
+  options.rendering = Rendering::held;
+  p.held = daemon(options);
+  options = {};
+  options.passivity_control = true;
+  if (controller) p.controlled = daemon(options);
+  return p;
+}
+
+// Both judgements, of every row.
+bool enough(const StiffnessPoint& p) {
+  return p.ours.steady >= 0.8 * p.wall.steady && p.ours.passive >= 0.8 * p.wall.passive &&
+         p.ours.steady >= 10 * p.held.steady && p.ours.passive >= 10 * p.held.passive;
+}
+
+StabilityMode mode_of(const char* name, const char* parameter, const StiffnessPoint& p) {
+  StabilityMode mode;
+  mode.mode = name;
+  mode.plan.parameter = parameter;
+  mode.plan.naive = "contact force held for the 20 ms of a simulation step";
+  mode.plan.ours = "the daemon";
+  mode.plan.judged = "swing at rest beyond two quanta [µm], and energy made [µJ]";
+  mode.plan.reason =
+      "four fifths of an ideal 1 kHz wall on the same device, ten times the held force, by swing and by "
+      "energy";
+  mode.plan.last_sound = true;
+  mode.plan.analytic_bound = p.colgate;
+  mode.plan.required = 0.8 * p.wall.steady;
+  mode.naive_breaks_at = p.held.steady;
+  mode.default_breaks_at = p.ours.steady;
+  return mode;
+}
+
+// A hand on a light device (45 g at the tip, as the maker of the Omni says), by its grasp.
+struct Grasp {
+  const char* name;
+  double mass, damping, stiffness;
+  const char* source;
+};
+constexpr double device_mass = 0.045;
+constexpr Grasp grasps[] = {
+    {"finger tip", 0.006, 5, 500,
+     "Hajian and Howe 1997: some grams, 4 to 7 N·s/m, 250 to 1250 N/m, rising with the finger's force"},
+    {"stylus, loose", 0.03, 1.5, 100,
+     "of the order only: a stylus in relaxed fingers, after Kuchenbecker, Park and Niemeyer 2003"},
+    {"stylus, firm", 0.1, 6, 700,
+     "of the order only: the same gripped hard, after Kuchenbecker, Park and Niemeyer 2003"},
+    {"hand and arm", 0.5, 12, 500,
+     "of the order only: a stylus moved by the whole arm, after Fu and Cavusoglu 2012"},
+    {"barely held", 0.005, 0.3, 20, "chosen: next to no damping of its own, what Colgate's bound is for"},
+};
+
+}  // namespace
+
+bool chart_stiffness(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress) {
+  const std::vector<double> dampings =
+      quick ? std::vector<double>{0.1} : std::vector<double>{0.02, 0.05, 0.1, 0.2, 0.5, 1, 2};
+  const double factor = quick ? std::numbers::sqrt2 : std::pow(2, 0.25);
+  StabilityMode mode;
+  bool all = true;
+  for (std::size_t k = 0; k < dampings.size(); ++k) {
+    if (!progress(static_cast<double>(k) / static_cast<double>(dampings.size()))) return false;
+    ClosedLoopSettings s = bench.press();
+    s.hand.device_damping = dampings[k];
+    const StiffnessPoint p = measure(bench, s, factor, !quick);
+    chart.map.push_back(p);
+    all = all && enough(p);
+    if (std::abs(dampings[k] - 0.1) < 1e-9)
+      mode = mode_of("stiffness", "largest sound displayed stiffness [N/m], device damping 0.1 N·s/m", p);
+  }
+  mode.survives = all;
+  chart.modes.push_back(std::move(mode));
+  return true;
+}
+
+bool chart_grasps(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress) {
+  const double factor = quick ? 2 : std::pow(2, 0.25);
+  bool all = true;
+  for (const Grasp& g : grasps) {
+    if (quick && g.name != grasps[0].name) break;
+    if (!progress(static_cast<double>(chart.grasps.size()) / static_cast<double>(std::size(grasps))))
+      return false;
+    ClosedLoopSettings s = bench.press();
+    s.hand.mass = g.mass + device_mass;
+    s.hand.damping = g.damping;
+    s.hand.stiffness = g.stiffness;
+    StiffnessPoint p = measure(bench, s, factor, !quick);
+    p.hand = g.name;
+    p.source = g.source;
+    all = all && enough(p);
+    chart.grasps.push_back(std::move(p));
+  }
+  StabilityMode mode = mode_of(
+      "grasps", "largest sound displayed stiffness [N/m], the first of several hands", chart.grasps.front());
+  mode.survives = all;
+  chart.modes.push_back(std::move(mode));
+  return true;
+}
+
+}  // namespace hapticd
