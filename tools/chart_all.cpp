@@ -29,7 +29,7 @@ struct Entry {
 const std::vector<Entry>& charts() {
   static const std::vector<Entry> entries = {
       {"force", {"--quick"}, {}, 25, 900},   {"economy", {"--quick"}, {}, 15, 60, false},
-      {"step", {}, {}, 1, 1, false},         {"tissue", {"--quick"}, {}, 30, 1500},
+      {"step", {"--quick"}, {}, 45, 600},    {"tissue", {"--quick"}, {}, 30, 1500},
       {"removal", {"--quick"}, {}, 15, 600}, {"warping", {}, {}, 10, 10},
       {"lcp", {"--quick"}, {}, 60, 1200}};
   return entries;

@@ -21,6 +21,7 @@
 #include <optional>
 #include <span>
 
+#include "physics/part_times.h"
 #include "physics/tissue/tissue.h"
 
 namespace hapticd {
@@ -51,6 +52,7 @@ struct ComplianceOptions {
   NodeOrder updown_order = NodeOrder::zone_last;
   Factorisation factorisation = Factorisation::multifrontal;
   int lazy_rebase_after = 0;  // lazy: removals after which `update` makes a new base; 0: never, as the paper
+  PartTimes* times = nullptr;  // of the step it is part of: `update` tells assembly from factor
 };
 
 // good: the sampled error is below `good_error`, and nothing has moved since the sample. rebase_wanted:

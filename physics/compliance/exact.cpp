@@ -54,6 +54,7 @@ class ExactCompliance final : public Compliance {
     if (constant_ && factored_ && order_is_current_ && state.removed == removed_at_factor_) return;
     reported_ = false;
     removed_at_factor_ = state.removed;
+    const Within factor_part(options_.times, StepPart::factor);
     if (!order_is_current_) {
       const std::vector<std::uint8_t> live = matrix_.live_edges(state);
       const std::vector<int> order = zone_last_order(matrix_.graph_of(live), fill_order_, zone_);
@@ -64,7 +65,10 @@ class ExactCompliance final : public Compliance {
       order_is_current_ = true;
     }
     factored_ = corner_is_current_ = false;
-    matrix_.assemble(state);
+    {
+      const Within assembly(options_.times, StepPart::assembly);
+      matrix_.assemble(state);
+    }
     factor_.factor(matrix_);
     factored_ = true;
   }

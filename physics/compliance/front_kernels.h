@@ -1,14 +1,17 @@
 // The dense arithmetic of one front: a partial Cholesky factorisation, and the square it leaves behind.
 //
 //   [F11 .  ]   [L11    ] [L11ᵀ L21ᵀ]
-//   [F21 F22] = [L21  I ] [      U  ],    factor_panel: F11, F21 → L11, L21    subtract_square: F22 → U
+//   [F21 F22] = [L21  I ] [      U  ],    factor_panel: F11, F21 → L11, L21    make_square: U − F22
 //
 // Both are products C −= A Bᵀ on tiles that stay in registers, three vectors high and one vector's length
 // wide; in the panel each tile ends with its triangular solve before it is stored. The panel has `height`
 // rows, a multiple of `row_multiple`, in columns of `stride` numbers aligned to 64 bytes; the first `width`
 // rows are F11. The square's columns begin at row `square_origin(width)` of the panel, so that its tiles are
 // aligned with the panel's. Rows from the true height on, and entries above the diagonal, hold numbers of no
-// meaning and are kept finite. Chosen at start from what the processor can do; all are the same template.
+// meaning and are kept finite. What children add goes into the panel before, into the square after: so the
+// square is written once, without having been cleared or read. Their rows are ascending in the parent too, so
+// eight of the parent's at a time are some of the child's, in its order: a mask says which (`FrontChunk`).
+// Chosen at start from what the processor can do; all are the same template.
 // Guarantee: wait-free, no allocation. Units: F [N/m].
 #pragma once
 
@@ -16,14 +19,41 @@
 
 namespace hapticd {
 
+// Rows `row` to `row + 7` of a front, of which a child has those with a bit in `mask`; its first is `from`.
+struct FrontChunk {
+  int row;  // a multiple of row_multiple
+  int from;
+  unsigned mask;
+};
+
+// Memory that is wanted next: the kernels fetch it while they compute, a few lines with each tile, into the
+// second-level cache. A panel of L was last touched a step ago, and would else be waited for.
+struct FrontAhead {
+  const char* next = nullptr;
+  const char* end = nullptr;
+
+  void fetch() noexcept {
+    constexpr int line = 64;
+    constexpr int lines = 8;
+    if (next >= end) return;
+    for (int l = 0; l < lines; ++l) __builtin_prefetch(next + l * line, 1, 3);
+    next += lines * line;
+  }
+};
+
 struct FrontKernels {
   const char* name;
   // False: a pivot is not positive (or not a number). `reciprocal` gets 1 / L_jj of every column.
   bool (*factor_panel)(double* panel, std::ptrdiff_t stride, int height, int width,
-                       double* reciprocal) noexcept;
-  // Lower triangle of rows and columns `width` to `size`; `fresh`: F22 is zero, whatever the memory holds.
-  void (*subtract_square)(const double* panel, std::ptrdiff_t stride, int height, int width, int size,
-                          double* square, std::ptrdiff_t square_stride, bool fresh) noexcept;
+                       double* reciprocal, FrontAhead& ahead) noexcept;
+  // square = −L21 L21ᵀ, whatever was there: the lower triangle of rows and columns `width` to `size`.
+  void (*make_square)(const double* panel, std::ptrdiff_t stride, int height, int width, int size,
+                      double* square, std::ptrdiff_t square_stride, FrontAhead& ahead) noexcept;
+  // The lower triangle of a child's square, by its own rows, to columns `begin` to `end` of its parent: those
+  // of `target`, by the parent's rows and columns. Reads up to seven numbers behind a column of the square.
+  void (*add_child)(const double* square, std::ptrdiff_t square_stride, const FrontChunk* chunks,
+                    const FrontChunk* chunks_end, int begin, int end, double* target,
+                    std::ptrdiff_t target_stride) noexcept;
 };
 
 inline constexpr int row_multiple = 8;

@@ -7,11 +7,15 @@ namespace {
 struct Generic {
   using Vector = double __attribute__((vector_size(16)));
   static constexpr int lanes = 2;
+  static void add(unsigned mask, const double* from, double* to) noexcept {
+    for (; mask != 0; mask &= mask - 1) to[__builtin_ctz(mask)] += *from++;
+  }
 };
 
 }  // namespace
 
 constinit const FrontKernels generic_front_kernels = {"generic", FrontTiles<Generic>::factor_panel,
-                                                      FrontTiles<Generic>::subtract_square};
+                                                      FrontTiles<Generic>::make_square,
+                                                      FrontTiles<Generic>::add_child};
 
 }  // namespace hapticd

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "physics/compliance/front_kernels.h"
-
 namespace hapticd {
 
 namespace {
@@ -76,20 +74,22 @@ void number_rows(const FrontPlan& plan, const FrontPlan::Front& front, std::vect
   for (int k = front.below; k < front.below_end; ++k) local[plan.below[k]] = front.width + k - front.below;
 }
 
-void find_runs(const FrontTree& tree, FrontPlan& plan, std::vector<int>& local) {
+void find_chunks(const FrontTree& tree, FrontPlan& plan, std::vector<int>& local) {
   for (std::size_t s = 0; s < plan.fronts.size(); ++s) {
     FrontPlan::Front& front = plan.fronts[s];
     if (tree.fronts[s].parent >= 0) {
       number_rows(plan, plan.fronts[tree.fronts[s].parent], local);
-      const std::size_t begin = plan.runs.size();
+      int row = -1;
       for (int k = front.below; k < front.below_end; ++k) {
         const int to = local[plan.below[k]];
-        if (plan.runs.size() == begin || plan.runs.back().to + plan.runs.back().count != to)
-          plan.runs.push_back({k - front.below, to, 0});
-        ++plan.runs.back().count;
+        if (to / row_multiple * row_multiple != row) {
+          row = to / row_multiple * row_multiple;
+          plan.chunks.push_back({row, k - front.below, 0});
+        }
+        plan.chunks.back().mask |= 1U << (to - row);
       }
     }
-    front.runs_end = static_cast<int>(plan.runs.size());
+    front.chunks_end = static_cast<int>(plan.chunks.size());
   }
 }
 
@@ -131,7 +131,7 @@ FrontPlan plan_fronts(const SystemMatrix& matrix, std::span<const int> order,
   list_children(tree, plan);
   stack_squares(tree, plan);
   std::vector<int> local(3 * plan.order.size());
-  find_runs(tree, plan, local);
+  find_chunks(tree, plan, local);
   place_couplings(matrix, live, plan, local);
   return plan;
 }

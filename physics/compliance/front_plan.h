@@ -6,7 +6,7 @@
 //
 // Fronts are visited children first. A front's square is written while its children's are still read, so
 // fronts of even and odd depth use stacks of their own, both in one workspace. A child's
-// rows go to its parent in runs: neighbours in the child that are neighbours in the parent too.
+// rows go to its parent by chunks of eight of the parent's (front_kernels.h).
 // Shapes: `panel`, `square` index `FrontPlan::values` and `workspace` numbers; a panel has `stride` numbers
 // per column, an odd multiple of eight, so that neighbouring columns do not meet in the cache.
 #pragma once
@@ -16,6 +16,7 @@
 #include <span>
 #include <vector>
 
+#include "physics/compliance/front_kernels.h"
 #include "physics/compliance/front_tree.h"
 #include "physics/compliance/system_matrix.h"
 
@@ -35,14 +36,8 @@ struct FrontPlan {
     // Ends of what belongs to the front; each begins where the front before it ends.
     int below_end = 0;
     int children_end = 0;
-    int runs_end = 0;
+    int chunks_end = 0;
     int couplings_end = 0;
-  };
-  // Rows of a front's square, counted from its own first, that are `to`, `to + 1`, … in its parent.
-  struct Run {
-    int from = 0;
-    int to = 0;
-    int count = 0;
   };
   // An edge's block in the panel of the node that goes first.
   struct Coupling {
@@ -56,7 +51,7 @@ struct FrontPlan {
   std::vector<Front> fronts;
   std::vector<int> below;  // unknowns
   std::vector<int> children;
-  std::vector<Run> runs;
+  std::vector<FrontChunk> chunks;  // of a front's square, by its parent's rows
   std::vector<Coupling> couplings;
   std::ptrdiff_t values = 0;
   std::ptrdiff_t workspace = 0;

@@ -1,4 +1,5 @@
-// The kernels of front_kernels.h for one instruction set, whose vector type and number of lanes `Isa` names.
+// The kernels of front_kernels.h for one instruction set: `Isa` names its vector type and number of lanes,
+// and adds the numbers from `from` on to those of eight at `to` that have a bit in a mask.
 //
 // Included by one source file for each, compiled with that set's flags: everything here has internal linkage
 // and nothing of the standard library is called, so that no function compiled for a newer processor can be
@@ -32,20 +33,22 @@ struct FrontTiles {
     int depth;
     double* C;
     std::ptrdiff_t C_stride;
-    bool fresh;
     const double* triangle;  // L_JJ of the tile's columns, to solve with
     double* reciprocal;      // of its diagonal
+    FrontAhead* ahead;
   };
 
-  // C ← C − A Bᵀ, and then C ← C L_JJ⁻ᵀ, or its own Cholesky factor. False: a pivot is not positive.
+  // C ← −A Bᵀ; or C ← (C − A Bᵀ) L_JJ⁻ᵀ; or C ← the Cholesky factor of C − A Bᵀ. False: a pivot is not
+  // positive.
   template <int vectors, int columns, Finish finish>
   static bool run(const Tile& tile) noexcept {
+    tile.ahead->fetch();
     Vector c[columns][vectors];
 #pragma GCC unroll 8
     for (int j = 0; j < columns; ++j)
 #pragma GCC unroll 3
       for (int v = 0; v < vectors; ++v)
-        c[j][v] = tile.fresh ? Vector{} : load(tile.C + j * tile.C_stride + v * lanes);
+        c[j][v] = finish == Finish::none ? Vector{} : load(tile.C + j * tile.C_stride + v * lanes);
     const double* a = tile.A;
     const double* b = tile.B;
     for (int k = 0; k < tile.depth; ++k, a += tile.stride, b += tile.stride) {
@@ -119,18 +122,12 @@ struct FrontTiles {
   static int greater(int a, int b) noexcept { return a < b ? b : a; }
 
   static bool factor_panel(double* P, std::ptrdiff_t stride, int height, int width,
-                           double* reciprocal) noexcept {
+                           double* reciprocal, FrontAhead& ahead) noexcept {
     const auto tile_at = [&](int row, int column) {
       double* C = P + row + column * stride;
-      return Tile{P + row,
-                  P + column,
-                  stride,
-                  column,
-                  C,
-                  stride,
-                  false,
-                  P + column + column * stride,
-                  reciprocal + column};
+      return Tile{
+          P + row, P + column, stride, column, C, stride, P + column + column * stride, reciprocal + column,
+                  &ahead};
     };
     const int triangle_end = (width + lanes - 1) / lanes * lanes;
     for (int column = 0; column < width; column += lanes) {
@@ -147,8 +144,8 @@ struct FrontTiles {
     return true;
   }
 
-  static void subtract_square(const double* P, std::ptrdiff_t stride, int height, int width, int size,
-                              double* square, std::ptrdiff_t square_stride, bool fresh) noexcept {
+  static void make_square(const double* P, std::ptrdiff_t stride, int height, int width, int size,
+                          double* square, std::ptrdiff_t square_stride, FrontAhead& ahead) noexcept {
     const int origin = square_origin(width);
     const int first = width / lanes * lanes;
     for (int row = first; row < height; row += most_vectors * lanes) {
@@ -157,9 +154,48 @@ struct FrontTiles {
         const int column = greater(block, width);
         const int top = greater(row, block);
         double* C = square + (top - origin) + (column - width) * square_stride;
-        const Tile tile{P + top, P + column, stride, width, C, square_stride, fresh, nullptr, nullptr};
+        const Tile tile{P + top, P + column, stride, width, C, square_stride, nullptr, nullptr, &ahead};
         run<Finish::none>((end - top) / lanes, lesser(block + lanes, size) - column, tile);
       }
+    }
+  }
+
+  // Columns of a child and where they go. They share their chunks, which are then read once for all of them.
+  template <int columns>
+  static void add_columns(const double* const* from, double* const* to, const FrontChunk* chunk,
+                          const FrontChunk* chunks_end) noexcept {
+    for (; chunk != chunks_end; ++chunk)
+#pragma GCC unroll 4
+      for (int c = 0; c < columns; ++c) Isa::add(chunk->mask, from[c] + chunk->from, to[c] + chunk->row);
+  }
+
+  static void add_child(const double* square, std::ptrdiff_t square_stride, const FrontChunk* chunk,
+                        const FrontChunk* chunks_end, int begin, int end, double* target,
+                        std::ptrdiff_t target_stride) noexcept {
+    for (; chunk != chunks_end; ++chunk) {
+      const double* from[4];
+      double* to[4];
+      int columns = 0;
+      const auto finish = [&] {
+        if (columns == 4) add_columns<4>(from, to, chunk + 1, chunks_end);
+        if (columns == 3) add_columns<3>(from, to, chunk + 1, chunks_end);
+        if (columns == 2) add_columns<2>(from, to, chunk + 1, chunks_end);
+        if (columns == 1) add_columns<1>(from, to, chunk + 1, chunks_end);
+        columns = 0;
+      };
+      int c = chunk->from;
+      // Of the column's own chunk, the rows from the diagonal on are those whose bits are left.
+      for (unsigned left = chunk->mask; left != 0; left &= left - 1, ++c) {
+        const int column = chunk->row + __builtin_ctz(left);
+        if (column < begin) continue;
+        if (column >= end) break;
+        from[columns] = square + c * square_stride;
+        to[columns] = target + column * target_stride;
+        Isa::add(left, from[columns] + c, to[columns] + chunk->row);
+        if (++columns == 4) finish();
+      }
+      finish();
+      if (chunk->row + row_multiple >= end) return;
     }
   }
 };

@@ -36,8 +36,8 @@ struct FrontTree {
 struct FrontCost {
   double rate = 20;     // products a cycle
   double panel = 0.6;   // per entry of the panel: cleared, assembled, written
-  double square = 1.5;  // per entry of the square: cleared, added to, written, added to the parent
-  double front = 400;
+  double square = 0.5;  // per entry of the square: written, added to the parent
+  double front = 800;
 
   double operator()(int width, int height) const noexcept;  // nodes
 };

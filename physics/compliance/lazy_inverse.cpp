@@ -13,8 +13,8 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "physics/compliance/cholmod_factor.h"
 #include "physics/compliance/low_rank_inverse.h"
+#include "physics/compliance/multifrontal_factor.h"
 #include "physics/compliance/patch_inverse.h"
 
 namespace hapticd {
@@ -25,7 +25,7 @@ class LazyInverse final : public LowRankInverse {
  public:
   LazyInverse(const SystemMatrix& A, std::span<const int> order, std::span<const int> zone)
       : slot_(A.node_count(), -1) {
-    base_.set_order(A, order);
+    base_.set_order(A, order, {}, static_cast<int>(zone.size()));
     base_.factor(A);
     if (zone.empty()) return;
     // The zone's rows come together and at no cost from the factor's corner.
@@ -195,7 +195,7 @@ class LazyInverse final : public LowRankInverse {
     }
   }
 
-  CholmodFactor base_;
+  MultifrontalFactor base_;
   std::vector<int> slot_;   // per node: its place among those asked for, or −1
   std::vector<int> nodes_;  // per slot
   std::vector<Term> terms_;

@@ -5,20 +5,11 @@
 
 namespace hapticd {
 
-namespace {
-
-// Runs are short: the compiler's check for overlap would cost as much as the sum.
-inline void add(const double* __restrict from, double* __restrict to, int count) noexcept {
-  for (int r = 0; r < count; ++r) to[r] += from[r];
-}
-
-}  // namespace
-
 void MultifrontalFactor::set_order(const SystemMatrix& matrix, std::span<const int> order,
                                    std::span<const std::uint8_t> live_edges, int zone) {
   plan_ = plan_fronts(matrix, order, live_edges, zone);
   values_.reserve(plan_.values);
-  workspace_.reserve(plan_.workspace);
+  workspace_.reserve(plan_.workspace + row_multiple);  // what add_child reads behind the last column
   reciprocal_.resize(3 * plan_.order.size());
   gathered_.resize(plan_.tallest);
   x_.setZero(static_cast<Eigen::Index>(3 * plan_.order.size()));
@@ -33,33 +24,37 @@ void MultifrontalFactor::assemble(const SystemMatrix& matrix, std::size_t s) noe
     for (int c = 0; c < 3; ++c)
       for (int r = c; r < 3; ++r) panel[(k + c) * front.stride + k + r] = block(r, c);
   }
-  for (int k = s > 0 ? plan_.fronts[s - 1].couplings_end : 0; k < front.couplings_end; ++k) {
-    const FrontPlan::Coupling& coupling = plan_.couplings[k];
-    const Mat3& block = matrix.coupling()[coupling.edge];
-    double* to = values_.data() + coupling.to;
+  const FrontPlan::Coupling* coupling =
+      plan_.couplings.data() + (s > 0 ? plan_.fronts[s - 1].couplings_end : 0);
+  const FrontPlan::Coupling* end = plan_.couplings.data() + front.couplings_end;
+  constexpr int ahead = 8;
+  for (; coupling != end; ++coupling) {
+    if (end - coupling > ahead) __builtin_prefetch(matrix.coupling()[coupling[ahead].edge].data());
+    const double* block = matrix.coupling()[coupling->edge].data();
+    const int of_row = coupling->transposed ? 3 : 1;
+    const int of_column = 4 - of_row;
+    double* to = values_.data() + coupling->to;
     for (int c = 0; c < 3; ++c)
-      for (int r = 0; r < 3; ++r) to[c * front.stride + r] = coupling.transposed ? block(c, r) : block(r, c);
+      for (int r = 0; r < 3; ++r) to[c * front.stride + r] = block[r * of_row + c * of_column];
   }
 }
 
-void MultifrontalFactor::add_child(const FrontPlan::Front& front, int child) noexcept {
+// Columns `begin` to `end` of the parent, by its own rows.
+void MultifrontalFactor::add_child(int child, int begin, int end, double* target,
+                                   std::ptrdiff_t stride) noexcept {
   const FrontPlan::Front& from = plan_.fronts[child];
-  const FrontPlan::Run* runs = plan_.runs.data() + (child > 0 ? plan_.fronts[child - 1].runs_end : 0);
-  const FrontPlan::Run* end = plan_.runs.data() + from.runs_end;
-  // Both by the rows of their fronts' panels.
   const double* square = workspace_.data() + from.square - square_origin(from.width) + from.width;
-  double* panel = values_.data() + front.panel;
-  double* own_square = workspace_.data() + front.square - square_origin(front.width);
-  for (const FrontPlan::Run* of_column = runs; of_column != end; ++of_column)
-    for (int c = 0; c < of_column->count; ++c) {
-      const double* source = square + (of_column->from + c) * from.square_stride;
-      const int column = of_column->to + c;
-      double* target = column < front.width ? panel + column * front.stride
-                                            : own_square + (column - front.width) * front.square_stride;
-      add(source + of_column->from + c, target + of_column->to + c, of_column->count - c);
-      for (const FrontPlan::Run* run = of_column + 1; run != end; ++run)
-        add(source + run->from, target + run->to, run->count);
-    }
+  const FrontChunk* chunks = plan_.chunks.data();
+  kernels_->add_child(square, from.square_stride,
+                      chunks + (child > 0 ? plan_.fronts[child - 1].chunks_end : 0), chunks + from.chunks_end,
+                      begin, end, target, stride);
+}
+
+FrontAhead MultifrontalFactor::next_panel(std::size_t s) const noexcept {
+  if (s + 1 == plan_.fronts.size()) return {};
+  const FrontPlan::Front& next = plan_.fronts[s + 1];
+  const double* panel = values_.data() + next.panel;
+  return {reinterpret_cast<const char*>(panel), reinterpret_cast<const char*>(panel + next.stride * next.width)};
 }
 
 void MultifrontalFactor::factor(const SystemMatrix& matrix) {
@@ -67,18 +62,22 @@ void MultifrontalFactor::factor(const SystemMatrix& matrix) {
   int child = 0;
   for (std::size_t s = 0; positive && s < plan_.fronts.size(); ++s) {
     const FrontPlan::Front& front = plan_.fronts[s];
-    const int below = front.size - front.width;
     double* panel = values_.data() + front.panel;
     double* square = workspace_.data() + front.square;
-    const bool leaf = child == front.children_end;
     assemble(matrix, s);
-    if (!leaf) std::fill_n(square, front.square_stride * below, 0.0);
-    for (; child < front.children_end; ++child) add_child(front, plan_.children[child]);
+    for (int c = child; c < front.children_end; ++c)
+      add_child(plan_.children[c], 0, front.width, panel, front.stride);
+    FrontAhead ahead = next_panel(s);
     positive = kernels_->factor_panel(panel, front.stride, front.height, front.width,
-                                      reciprocal_.data() + front.first);
-    if (positive && below > 0)
-      kernels_->subtract_square(panel, front.stride, front.height, front.width, front.size, square,
-                                front.square_stride, leaf);
+                                      reciprocal_.data() + front.first, ahead);
+    if (positive && front.size > front.width) {
+      kernels_->make_square(panel, front.stride, front.height, front.width, front.size, square,
+                            front.square_stride, ahead);
+      double* by_row = square - square_origin(front.width) - front.width * front.square_stride;
+      for (int c = child; c < front.children_end; ++c)
+        add_child(plan_.children[c], front.width, front.size, by_row, front.square_stride);
+    }
+    child = front.children_end;
   }
   if (positive && x_.size() > 0) {
     const auto [least, largest] = std::minmax_element(reciprocal_.data(), reciprocal_.data() + x_.size());
@@ -109,7 +108,7 @@ void MultifrontalFactor::trailing_corner(int nodes, MatX& corner) const {
 std::size_t MultifrontalFactor::memory_bytes() const noexcept {
   return static_cast<std::size_t>(plan_.values + plan_.workspace) * sizeof(double) +
          (plan_.below.size() + plan_.children.size() + 2 * plan_.order.size()) * sizeof(int) +
-         plan_.fronts.size() * sizeof(FrontPlan::Front) + plan_.runs.size() * sizeof(FrontPlan::Run) +
+         plan_.fronts.size() * sizeof(FrontPlan::Front) + plan_.chunks.size() * sizeof(FrontChunk) +
          plan_.couplings.size() * sizeof(FrontPlan::Coupling);
 }
 

@@ -14,6 +14,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "physics/compliance/front_kernels.h"
@@ -37,6 +38,10 @@ class MultifrontalFactor {
   int place(int node) const noexcept { return plan_.place[node]; }
   std::size_t memory_bytes() const noexcept;  // of values, workspace and indices
 
+  const FrontPlan& plan() const noexcept { return plan_; }
+  // The panels of L, as the plan lays them out. The factor is nothing afterwards.
+  PageMemory take_values() noexcept { return std::move(values_); }
+
   // The right-hand side and, after `solve`, the solution.
   Eigen::Map<VecX> vector() noexcept { return {x_.data(), x_.size()}; }
   void solve() noexcept;
@@ -46,7 +51,9 @@ class MultifrontalFactor {
 
  private:
   void assemble(const SystemMatrix& matrix, std::size_t front) noexcept;
-  void add_child(const FrontPlan::Front& front, int child) noexcept;
+  void add_child(int child, int begin, int end, double* target, std::ptrdiff_t stride) noexcept;
+
+  FrontAhead next_panel(std::size_t front) const noexcept;
 
   const FrontKernels* kernels_;
   FrontPlan plan_;

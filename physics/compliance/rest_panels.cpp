@@ -8,30 +8,22 @@
 
 namespace hapticd {
 
-RestPanels::RestPanels(const cholmod_factor& L, int rest_dofs, bool rounded_copy) : rest_dofs_(rest_dofs) {
-  const int* super = static_cast<const int*>(L.super);
-  const int* row_start = static_cast<const int*>(L.pi);
-  const int* value_start = static_cast<const int*>(L.px);
-  const int* rows = static_cast<const int*>(L.s);
-  const double* values = static_cast<const double*>(L.x);
+RestPanels::RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy)
+    : rest_dofs_(rest_dofs) {
+  const FrontPlan& plan = factor.plan();
   panel_of_.resize(rest_dofs);
   int tallest = 0;
-  std::ptrdiff_t value_count = 0;
-  for (int s = 0; s < static_cast<int>(L.nsuper) && super[s] < rest_dofs; ++s) {
-    const int width = std::min(super[s + 1], rest_dofs) - super[s];
-    const int height = row_start[s + 1] - row_start[s];
-    std::fill_n(panel_of_.begin() + super[s], width, static_cast<int>(panel_.size()));
-    panel_.push_back({super[s], width, height, static_cast<std::ptrdiff_t>(row_.size()), value_count});
-    row_.insert(row_.end(), rows + row_start[s], rows + row_start[s + 1]);
-    value_count += static_cast<std::ptrdiff_t>(width) * height;
-    tallest = std::max(tallest, height);
+  for (const FrontPlan::Front& front : plan.fronts) {
+    if (front.first >= rest_dofs) break;
+    const int width = std::min(front.width, rest_dofs - front.first);
+    std::fill_n(panel_of_.begin() + front.first, width, static_cast<int>(panel_.size()));
+    panel_.push_back({front.first, width, front.size, static_cast<std::ptrdiff_t>(row_.size()), front.panel,
+                      static_cast<int>(front.stride)});
+    for (int k = 0; k < front.width; ++k) row_.push_back(front.first + k);
+    row_.insert(row_.end(), plan.below.begin() + front.below, plan.below.begin() + front.below_end);
+    tallest = std::max(tallest, front.size);
   }
-  value_.reserve(value_count);
-  for (std::size_t s = 0; s < panel_.size(); ++s) {
-    const Panel& p = panel_[s];
-    const double* from = values + value_start[s];
-    value_.insert(value_.end(), from, from + static_cast<std::ptrdiff_t>(p.width) * p.height);
-  }
+  value_ = factor.take_values();
   if (rounded_copy) round();
   gathered_.resize(tallest);
   touched_.assign(panel_.size(), 0);
@@ -52,7 +44,7 @@ void RestPanels::round() {
   unit_.reserve(rest_dofs_);
   for (const Panel& p : panel_)
     for (int j = 0; j < p.width; ++j) {
-      const double* column = &value_[p.value] + static_cast<std::ptrdiff_t>(j) * p.height;
+      const double* column = value_.data() + p.value + static_cast<std::ptrdiff_t>(j) * p.stride;
       for (int i = 0; i < p.width; ++i) triangle_.push_back(static_cast<float>(column[i]));
       double most = 0;
       for (int i = p.width; i < p.height; ++i) most = std::max(most, std::abs(column[i]));
@@ -83,11 +75,11 @@ void RestPanels::backward(VecX& x, PanelPrecision precision) noexcept {
 void RestPanels::forward_full(VecX& x) noexcept {
   double* t = gathered_.data();
   for (const Panel& p : panel_) {
-    const double* value = &value_[p.value];
+    const double* value = value_.data() + p.value;
     const int below = p.height - p.width;
-    panels::solve_lower(value, p.height, p.width, &x[p.first]);
+    panels::solve_lower(value, p.stride, p.width, &x[p.first]);
     std::fill(t, t + below, 0.0);
-    panels::add_product(value + p.width, p.height, below, p.width, &x[p.first], t);
+    panels::add_product(value + p.width, p.stride, below, p.width, &x[p.first], t);
     const int* row = &row_[p.row + p.width];
     for (int i = 0; i < below; ++i) x[row[i]] -= t[i];
   }
@@ -96,12 +88,12 @@ void RestPanels::forward_full(VecX& x) noexcept {
 void RestPanels::backward_full(VecX& x) noexcept {
   double* t = gathered_.data();
   for (auto p = panel_.rbegin(); p != panel_.rend(); ++p) {
-    const double* value = &value_[p->value];
+    const double* value = value_.data() + p->value;
     const int below = p->height - p->width;
     const int* row = &row_[p->row + p->width];
     for (int i = 0; i < below; ++i) t[i] = x[row[i]];
-    panels::subtract_transposed(value + p->width, p->height, below, p->width, t, &x[p->first]);
-    panels::solve_upper(value, p->height, p->width, &x[p->first]);
+    panels::subtract_transposed(value + p->width, p->stride, below, p->width, t, &x[p->first]);
+    panels::solve_upper(value, p->stride, p->width, &x[p->first]);
   }
 }
 
@@ -149,13 +141,14 @@ void RestPanels::forward_sparse(MatX& X, std::span<const int> nonzero, std::vect
     if (!touched_[s]) continue;
     const Panel& p = panel_[s];
     using Values = Eigen::Map<const MatX, 0, Eigen::OuterStride<>>;
-    const Values top(&value_[p.value], p.width, p.width, Eigen::OuterStride<>(p.height));
+    const double* value = value_.data() + p.value;
+    const Values top(value, p.width, p.width, Eigen::OuterStride<>(p.stride));
     auto own = X.middleRows(p.first, p.width);
     top.triangularView<Eigen::Lower>().solveInPlace(own);
     for (int j = 0; j < p.width; ++j) reached.push_back(p.first + j);
     const int below = p.height - p.width;
     if (below == 0) continue;
-    const Values bottom(&value_[p.value + p.width], below, p.width, Eigen::OuterStride<>(p.height));
+    const Values bottom(value + p.width, below, p.width, Eigen::OuterStride<>(p.stride));
     below_.resize(below, columns);
     below_.noalias() = bottom * own;
     const int* row = &row_[p.row + p.width];

@@ -1,24 +1,23 @@
-// The columns of a supernodal factor that come before the zone, with the solves that use them alone.
+// The columns of a factor that come before the zone, with the solves that use them alone.
 //
 //   L = [L_rr 0; L_zr L_zz]:   forward  x_r ← L_rr⁻¹ x_r,  x_z ← x_z − L_zr x_r
 //                              backward x_r ← L_rr⁻ᵀ (x_r − L_zrᵀ x_z)
 //
-// so that a solve may use another corner than L_zz between its two halves. A supernode that reaches into
-// the zone is cut at the zone's first column. A solve is bound by memory traffic, so it can go with a rounded
-// copy in single-precision arithmetic: the panels' triangles in single precision, what is below them in
-// 16-bit fixed point, a unit for each column (its largest entry / 32767): a quarter of the bytes, about 1e-4
-// of the result. `forward_sparse` visits only the panels that few nonzero rows reach, on many right-hand
-// sides at once. Shapes: vectors and columns of 3·nodes in the order's places. Units: L Lᵀ [N/m]. Solves of
-// one vector allocate nothing once one was done; several threads need several objects.
+// so that a solve may use another corner than L_zz between its two halves. Fronts are the factor's own, and
+// so is their memory; one that reaches into the zone is cut at the zone's first column. A solve is bound by
+// memory traffic, so it can go with a rounded copy in single-precision arithmetic: the panels' triangles in
+// single precision, what is below them in 16-bit fixed point, a unit for each column (its largest entry /
+// 32767): a quarter of the bytes, about 1e-4 of the result. `forward_sparse` visits only the panels that few
+// nonzero rows reach, on many right-hand sides at once. Shapes: vectors and columns of 3·nodes in the order's
+// places. Units: L Lᵀ [N/m]. Solves of one vector allocate nothing once one was done; several threads need
+// several objects.
 #pragma once
-
-#include <cholmod.h>
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "physics/types.h"
+#include "physics/compliance/multifrontal_factor.h"
 
 namespace hapticd {
 
@@ -27,8 +26,8 @@ enum class PanelPrecision : std::uint8_t { full, rounded };
 class RestPanels {
  public:
   RestPanels() = default;
-  // Columns before `rest_dofs` of a supernodal L Lᵀ; with a rounded copy beside them or not.
-  RestPanels(const cholmod_factor& L, int rest_dofs, bool rounded_copy);
+  // Columns before `rest_dofs`; with a rounded copy beside them or not. The factor is used up.
+  RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy);
 
   int rest_dofs() const noexcept { return rest_dofs_; }
   bool has_rounded_copy() const noexcept { return !unit_.empty(); }
@@ -49,6 +48,7 @@ class RestPanels {
     int height;  // rows, the panel's own columns first
     std::ptrdiff_t row;
     std::ptrdiff_t value;
+    int stride;                   // of its columns
     std::ptrdiff_t triangle = 0;  // of the rounded copy
     std::ptrdiff_t other = 0;
   };
@@ -63,7 +63,7 @@ class RestPanels {
   std::vector<Panel> panel_;
   std::vector<int> panel_of_;  // per rest column
   std::vector<int> row_;
-  std::vector<double> value_;
+  PageMemory value_;
   std::vector<float> triangle_;      // width × width each
   std::vector<std::int16_t> other_;  // (height − width) × width each
   std::vector<float> unit_;          // per rest column

@@ -105,6 +105,7 @@ class WarpedCompliance final : public Compliance {
   }
 
   void update(const TissueState& state) override {
+    const Within factor(options_.times, StepPart::factor);
     updated_ = false;
     sampled_.reset();
     if (inverse_ && state.removed != gone_count_) remove_untold(state);

@@ -65,6 +65,7 @@ class ZoneCompliance final : public Compliance {
   }
 
   void update(const TissueState& state) override {
+    const Within assembly(options_.times, StepPart::assembly);
     updated_ = false;
     if (!base_) {
       make_now(state);
@@ -194,6 +195,7 @@ class ZoneCompliance final : public Compliance {
   }
 
   void make_now(const TissueState& state) {
+    const Within factor(options_.times, StepPart::factor);
     auto base = std::make_unique<ZoneBase>(structure_, wanted_zone_, state, options_.rounded_base);
     base->make();
     take(std::move(base), state);
@@ -283,6 +285,7 @@ class ZoneCompliance final : public Compliance {
     }
     const int size = static_cast<int>(L_.rows());
     if (size == 0) return true;
+    const Within factor(options_.times, StepPart::factor);
     int info = 0;
     dpotrf_("L", &size, L_.data(), &size, &info);
     return info == 0;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "physics/compliance/cholmod_factor.h"
+#include "physics/compliance/multifrontal_factor.h"
 #include "physics/tissue/guard.h"
 #include "physics/tissue/tetrahedron.h"
 
@@ -31,16 +31,16 @@ void ZoneBase::make() {
   identity_scale_ = matrix.identity_scale();
   const std::vector<std::uint8_t> live = matrix.live_edges(state_);
   const std::vector<int> order = zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_);
-  place_.resize(order.size());
-  for (std::size_t k = 0; k < order.size(); ++k) place_[order[k]] = static_cast<int>(k);
   rest_ = matrix.node_count() - zone_size();
 
-  CholmodFactor factor;
-  factor.set_order(matrix, order, live);
+  MultifrontalFactor factor;
+  factor.set_order(matrix, order, live, zone_size());
   factor.factor(matrix);
-  panels_ = RestPanels(factor.cholmod(), 3 * rest_, rounded_copy_);
+  place_.resize(order.size());
+  for (int n = 0; n < matrix.node_count(); ++n) place_[n] = factor.place(n);
   MatX L_zz;
   factor.trailing_corner(zone_size(), L_zz);
+  panels_ = RestPanels(std::move(factor), 3 * rest_, rounded_copy_);
   S_out_.setZero(L_zz.rows(), L_zz.cols());
   S_out_.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
 

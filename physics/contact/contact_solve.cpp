@@ -36,6 +36,7 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
 // later: linearisations after this one.
 void solve_rows(const ContactOptions& options, int later, ContactScratch& scratch,
                 ContactSolution& out) noexcept {
+  const Within solve(options.times, ContactPart::solve);
   Deadline deadline = options.deadline;
   if (deadline.bounded() && later > 0) deadline.reserve_ns += std::max<std::int64_t>(0, deadline.left() / 2);
   const ContactRows& rows = scratch.rows;
@@ -104,7 +105,7 @@ void solve_frozen(const CondensedProblem& problem, const Instrument& instrument,
                   ContactScratch& scratch, ContactSolution& out) noexcept {
   if (problem.step == 0 || state.frozen_step != problem.step || scratch.matrix_version == 0) {
     build_rows(problem, instrument, problem.X_ref, problem.X_ref, problem.x_now, K_inv, state.memory, margin,
-               scratch.rows);
+               scratch.rows, nullptr, options.times);
     ++scratch.matrix_version;
     state.frozen_step = problem.step;
   }
@@ -133,7 +134,7 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   Pose X_lin;
   const auto build = [&](const Reached* reached) {
     build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, margin, scratch.rows,
-               reached);
+               reached, options.times);
     ++scratch.matrix_version;
   };
   // False if the solver met no number.

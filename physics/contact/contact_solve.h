@@ -39,6 +39,7 @@ struct ContactOptions {
   // A solve that ended at a cap with a larger residual leaves memory and coupling as they were.
   double usable_residual = std::numeric_limits<double>::infinity();
   Deadline deadline;  // of the whole solve; half of what is left is kept for the linearisations to come
+  PartTimes* times = nullptr;
 };
 
 // Carried from one solve to the next by its owner; each loop has its own, with its own scratch: a frozen

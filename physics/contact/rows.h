@@ -32,6 +32,7 @@
 
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
+#include "physics/part_times.h"
 
 namespace hapticd {
 
@@ -103,7 +104,7 @@ Mat3 contact_frame(const Vec3& n) noexcept;
 void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
                 const ContactMemory& memory, double margin, ContactRows& rows,
-                const Reached* reached = nullptr) noexcept;
+                const Reached* reached = nullptr, PartTimes* times = nullptr) noexcept;
 
 // q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for another free pose:
 // δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.

@@ -101,6 +101,7 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
   compliance = make_compliance(method, model, h, options);
   dx_free = VecX::Zero(3 * model.node_count());
   scratch = dx_free;
+  times = options.times;
 }
 
 bool at_rest(const Body& body) {
@@ -109,6 +110,7 @@ bool at_rest(const Body& body) {
 }
 
 void compute_free_motion(Body& body, double h) {
+  const Within free_motion(body.times, StepPart::free_motion);
   if (!body.model.corotational && !body.model.dynamic) return compute_free_displacement(body);
   internal_forces(body.model, body.state, body.dx_free);
   free_motion_of_force(body, h);
@@ -116,8 +118,12 @@ void compute_free_motion(Body& body, double h) {
 
 void fresh_free_motion(Body& body, double h) {
   if (!body.model.corotational) return compute_free_motion(body, h);
+  const Within free_motion(body.times, StepPart::free_motion);
   body.factored_rotation = body.state.rotation;
-  update_rotations(body.model, body.state);
+  {
+    const Within assembly(body.times, StepPart::assembly);
+    update_rotations(body.model, body.state);
+  }
   internal_forces(body.model, body.state, body.dx_free);
   for (int t = 0; t < body.model.tet_count(); ++t)
     if (body.state.alive[t] && turned_far(body.factored_rotation[t], body.state.rotation[t]))
@@ -126,6 +132,7 @@ void fresh_free_motion(Body& body, double h) {
 }
 
 void correct(Body& body, const VecX* contact_force, double h) {
+  const Within free_motion(body.times, StepPart::free_motion);
   if (contact_force) {
     body.compliance->apply(*contact_force, body.scratch);
     body.dx_free += body.scratch;

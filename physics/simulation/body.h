@@ -52,6 +52,7 @@ struct Body {
   int base_steps = 0;
   int last_base_steps = 2;
   double edge = 0;  // mean length of the tetrahedra's edges at rest [m]
+  PartTimes* times = nullptr;
 
   Body(BodySettings settings, double h, const Vec3& gravity,
        ComplianceMethod method = ComplianceMethod::exact, const ComplianceOptions& options = {});

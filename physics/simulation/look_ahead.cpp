@@ -32,6 +32,7 @@ double volume(const Body& body, int t, bool ahead) {
 }  // namespace
 
 bool can_look_ahead(const Body& body) {
+  const Within free_motion(body.times, StepPart::free_motion);
   if (body.model.material.law == Law::guarded) return false;
   for (int t = 0; t < body.model.tet_count(); ++t)
     if (body.state.alive[t] && !(volume(body, t, false) > 0 && volume(body, t, true) > 0)) return false;
@@ -39,11 +40,15 @@ bool can_look_ahead(const Body& body) {
 }
 
 void linearise_ahead(Body& body, double h) {
+  const Within free_motion(body.times, StepPart::free_motion);
   const TissueModel& m = body.model;
   TissueState& state = body.state;
   const std::vector<Vec3> x = state.x;
   for (int n = 0; n < m.node_count(); ++n) state.x[n] += body.dx_free.segment<3>(3 * n);
-  update_rotations(m, state);
+  {
+    const Within assembly(body.times, StepPart::assembly);
+    update_rotations(m, state);
+  }
   body.compliance->update(state);
 
   VecX f(body.dx_free.size());

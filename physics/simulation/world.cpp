@@ -59,8 +59,10 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   remove_scheduled(report);
   remove_at_tip(sample, report);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
-    if (bodies_[b].deformable && !bodies_[b].asleep)
+    if (bodies_[b].deformable && !bodies_[b].asleep) {
+      const Within collision(times(), StepPart::collision);
       collision_.refit(static_cast<int>(b), bodies_[b].state.x);
+    }
   wake(sample);
   if (!contacts_.empty()) find_body_contacts();
   factor_and_free_motion(sample, report);
@@ -92,6 +94,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
 }
 
 void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
+  const Within collision(times(), StepPart::collision);
   const bool cutting = sample.present && sample.phaco;
   // What a tip in the open does not spend does not pile up: one element and one step's worth at most.
   const double per_step = settings_.removal.rate * settings_.h;
@@ -121,6 +124,7 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
 }
 
 void World::remove_scheduled(StepReport& report) {
+  const Within collision(times(), StepPart::collision);
   for (const ScheduledRemoval& removal : scheduled_)
     removed_from(removal.body, remove_from(bodies_[removal.body], removal.tets), report);
   scheduled_.clear();
@@ -175,6 +179,7 @@ void World::follow_instrument(const InstrumentSample& sample) {
 }
 
 void World::wake(const InstrumentSample& sample) {
+  const Within collision(times(), StepPart::collision);
   near_.clear();
   if (!sample.present) return;
   collision_.near_faces(sample.pose, near_);
@@ -228,6 +233,7 @@ std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const P
 }
 
 void World::update_zone(int b, const InstrumentSample& sample, std::span<const int> nodes) {
+  const Within collision(times(), StepPart::collision);
   Body& body = bodies_[b];
   // Nearest first: the patch of the nodes named first is the cheapest.
   std::vector<int> zone(nodes.begin(), nodes.end());
@@ -251,7 +257,10 @@ void World::update_zone(int b, const InstrumentSample& sample, std::span<const i
 
 void World::factor(int b) {
   Body& body = bodies_[b];
-  if (looks_ahead()) update_rotations(body.model, body.state);  // they are of where it was thought to be
+  if (looks_ahead()) {
+    const Within assembly(times(), StepPart::assembly);
+    update_rotations(body.model, body.state);  // they are of where it was thought to be
+  }
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
 }
@@ -268,6 +277,7 @@ void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& r
 }
 
 void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
+  const Within collision(times(), StepPart::collision);
   problem.step = steps_;
   problem.X_ref = sample.pose;
   problem.renewal = settings_.contact;
@@ -302,6 +312,7 @@ void World::cover(int b, const InstrumentSample& sample, std::span<const int> no
 
 void World::compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem,
                                 StepReport& report) {
+  const Within condense(times(), StepPart::condense);
   const auto nodes = gatherer_.nodes();
   problem.C().setZero();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
@@ -350,6 +361,7 @@ Vec3 World::force_of_last_problem(const InstrumentSample& sample) {
 }
 
 void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
+  const Within solve(times(), StepPart::solve);
   if (sample.present) {
     const bool compares =
         last_problem_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
@@ -412,6 +424,7 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
   there.pose = pose_ahead(sample.pose);
   ContactSolution contact;
   if (sample.present) {
+    const Within solve(times(), StepPart::solve);
     // Nothing of this solve is remembered but what it foresees.
     ContactState state = contact_state_;
     contact = solve_contact(problem, *instrument_, there.pose, settings_.h, contact_options(), state,
@@ -432,6 +445,7 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
     }
     const bool touched = !contact_force_.isZero(0);
     if (touched) {
+      const Within free_motion(times(), StepPart::free_motion);
       body.compliance->apply(contact_force_, contact_force_);
       body.dx_free += contact_force_;
     }

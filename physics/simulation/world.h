@@ -149,6 +149,7 @@ class World {
   void correct_bodies();
   void put_to_sleep();
   bool looks_ahead() const;
+  PartTimes* times() const { return settings_.compliance_options.times; }
   void look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   Pose pose_ahead(const Pose& X) const;
   VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch) const;

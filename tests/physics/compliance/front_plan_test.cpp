@@ -41,7 +41,7 @@ TEST(FrontPlan, OneElementByHand) {
   EXPECT_EQ(places, (std::set<std::ptrdiff_t>{3, 6, 9, 72 + 6, 72 + 9, 144 + 9}));
 }
 
-TEST(FrontPlan, SquaresThatLiveTogetherDoNotOverlapAndRunsKeepTheirUnknowns) {
+TEST(FrontPlan, SquaresThatLiveTogetherDoNotOverlapAndChunksKeepTheirUnknowns) {
   for (const int zone : {0, 20, 60}) {
     const FrontPlan plan = plan_of(oracle::box(6), zone);
     std::vector<std::pair<std::ptrdiff_t, std::ptrdiff_t>> alive(plan.fronts.size());
@@ -58,10 +58,14 @@ TEST(FrontPlan, SquaresThatLiveTogetherDoNotOverlapAndRunsKeepTheirUnknowns) {
         std::erase(living, c);
         const FrontPlan::Front& from = plan.fronts[c];
         int covered = 0;
-        for (int r = c > 0 ? plan.fronts[c - 1].runs_end : 0; r < from.runs_end; ++r)
-          for (int k = 0; k < plan.runs[r].count; ++k, ++covered)
-            EXPECT_EQ(plan.below[from.below + plan.runs[r].from + k],
-                      unknown(plan, front, plan.runs[r].to + k));
+        for (int k = c > 0 ? plan.fronts[c - 1].chunks_end : 0; k < from.chunks_end; ++k) {
+          const FrontChunk& chunk = plan.chunks[k];
+          EXPECT_EQ(chunk.row % row_multiple, 0);
+          EXPECT_EQ(chunk.from, covered);
+          for (int bit = 0; bit < row_multiple; ++bit)
+            if ((chunk.mask >> bit & 1) != 0)
+              EXPECT_EQ(plan.below[from.below + covered++], unknown(plan, front, chunk.row + bit));
+        }
         EXPECT_EQ(covered, from.size - from.width);
       }
       alive[s] = {front.square, end};

@@ -1,0 +1,36 @@
+// The haptic tick in contact, part by part: haptic_step on the problems that a simulation publishes.
+//
+// The lens of the published size, co-rotational, `exact`, under a travelling tip (travelling_tip.h), friction
+// 0.1, geometry renewed; twenty ticks a step, each from 10 ms after the step's begin on, in one thread and
+// virtual time, so that nothing waits. No deadline: what a tick takes is what it takes. Contacts are those
+// with a force, rows those within the margin; both count three rows each in W.
+// Units in the names.
+#pragma once
+
+#include <array>
+#include <functional>
+
+#include "physics/part_times.h"
+
+namespace hapticd {
+
+using ContactParts = std::array<double, static_cast<std::size_t>(ContactPart::count)>;
+
+struct TickFigures {
+  int patch_nodes = 0, contacts = 0, rows = 0;  // medians
+  int ticks = 0, capped = 0;
+  double us_median = 0, us_p99 = 0, us_max = 0, us_mean = 0;
+  ContactParts parts_us{};  // means; `rest` has what is around the contact solve too
+};
+
+struct TickSettings {
+  double alarm_distance = 0.8e-3;
+  double sample_spacing = 0.115e-3;  // for 30 contacts
+  int steps = 400;
+};
+
+const char* name_of(ContactPart part) noexcept;
+
+TickFigures chart_tick(const TickSettings& settings, const std::function<bool(double)>& progress);
+
+}  // namespace hapticd
