@@ -14,10 +14,10 @@ function begin(canvas) {
   return { g, w, h };
 }
 
-// 1, 2 or 5 times a power of ten, not below x.
+// A round number not below x.
 export function nice(x) {
   const power = 10 ** Math.floor(Math.log10(x));
-  for (const m of [1, 2, 5, 10]) if (m * power >= x * 0.999) return m * power;
+  for (const m of [1, 1.5, 2, 3, 5, 7.5, 10]) if (m * power >= x * 0.999) return m * power;
   return x;
 }
 

@@ -106,10 +106,18 @@ export class Instrument {
 
   advance(now) {
     if (this.part >= 1 || !this.body.visible) return false;
-    this.part = Math.min((now - this.began) / this.interval, 1);
+    this.part = Math.min(Math.max((now - this.began) / this.interval, 0), 1);
     this.body.position.lerpVectors(this.from.p, this.to.p, this.part);
     this.body.quaternion.slerpQuaternions(this.from.q, this.to.q, this.part);
     return true;
+  }
+
+  // Nobody holds it.
+  ghost(on) {
+    this.steel.transparent = on;
+    this.steel.opacity = on ? 0.22 : 1;
+    this.steel.depthWrite = !on;
+    this.steel.needsUpdate = true;
   }
 
   recolour() { this.ink.color.set(variable('--accent')); }

@@ -65,12 +65,18 @@ function take(message) {
     case 'contacts':
       instrument.setContacts(message, now, [...bodies.values()].find(b => b.to)?.interval ?? 40);
       break;
-    case 'status': strip.takeStatus(message); name(message); banner(); return;
+    case 'status':
+      strip.takeStatus(message);
+      instrument.ghost(Boolean((message.devices[0]?.status ?? 1) & 1));
+      name(message);
+      banner();
+      stage.touch();
+      return;
     case 'health': strip.takeHealth(message); hand.setMap(message); return;
     case 'timeline': recorded = true; timeline.take(message); return;
     case 'hand': hand.take(message); return;
   }
-  if (!framed && ready()) { stage.frameBox(bounds()); framed = true; }
+  if (!framed && ready()) { stage.frameBox(bounds(), all()); framed = true; }
   stage.touch();
 }
 
@@ -108,6 +114,8 @@ function bounds() {
   instrument.size = box.getSize(new THREE.Vector3()).length();
   return box;
 }
+
+const all = () => [...bodies.values()].reduce((box, b) => box.union(b.box()), new THREE.Box3());
 
 function banner() {
   const text = !connected ? 'Disconnected: haptic view has ended, or cannot be reached'
@@ -176,7 +184,7 @@ function legendMost() {
   const most = $('legend-most');
   if (!most) return;
   const by = $('colour').value;
-  const largest = Math.max(0, ...[...bodies.values()].filter(b => !b.glassy).map(b => b.largest[by] ?? 0));
+  const largest = Math.max(0, ...[...bodies.values()].filter(b => !b.glassy).map(b => b.scale(by)));
   most.textContent = by === 'displacement' ? `${(1000 * largest).toFixed(2)} mm moved` : `${(100 * largest).toFixed(0)} % strain`;
 }
 
@@ -191,7 +199,7 @@ $('wireframe').addEventListener('click', () => toggle('wireframe', on => {
   for (const body of bodies.values()) body.wireframe(on, variable('--ink'));
 }));
 $('forces').addEventListener('click', () => toggle('forces', on => { instrument.forces.visible = on; }));
-$('reset').addEventListener('click', () => { if (ready()) stage.frameBox(bounds()); });
+$('reset').addEventListener('click', () => { if (ready()) stage.frameBox(bounds(), all()); });
 $('colour').addEventListener('change', () => {
   for (const body of bodies.values()) body.colour($('colour').value);
   legend();

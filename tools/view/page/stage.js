@@ -15,7 +15,7 @@ export class Stage {
     this.camera.up.set(0, 0, 1);
     // Lights go with the camera: what is looked at is lit.
     this.camera.add(this.light(0xffffff, 2.0, [-0.6, 0.9, 1]), this.light(0xdfe8ff, 0.7, [1.2, -0.2, 0.6]));
-    this.ambient = new THREE.HemisphereLight(0xffffff, 0x8a8178, 1.1);
+    this.ambient = new THREE.HemisphereLight(0xffffff, 0xa39a90, 1.25);
     this.ambient.position.set(0, 0, 1);
     this.scene.add(this.camera, this.ambient);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -29,7 +29,7 @@ export class Stage {
     this.onFrame = () => false;  // returns whether something moved
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
-    requestAnimationFrame(now => this.frame(now));
+    requestAnimationFrame(() => this.frame());
   }
 
   light(colour, intensity, place) {
@@ -55,18 +55,18 @@ export class Stage {
     this.touch();
   }
 
-  // Looks at a box from the front, somewhat from above and from the side.
-  frameBox(box) {
-    const centre = box.getCenter(new THREE.Vector3());
-    const radius = Math.max(box.getSize(new THREE.Vector3()).length() / 2, 1e-4);
+  // Looks at what matters in the middle of all there is, from the right, in front and above.
+  frameBox(what, all) {
+    const centre = what.getCenter(new THREE.Vector3()).lerp(all.getCenter(new THREE.Vector3()), 0.6);
+    const radius = Math.max(what.getSize(new THREE.Vector3()).length() / 2, 1e-4);
     this.home = { centre, radius };
     this.reset();
   }
   reset() {
     if (!this.home) return;
     const { centre, radius } = this.home;
-    const distance = 1.02 * radius / Math.sin(THREE.MathUtils.degToRad(this.camera.fov / 2));
-    this.camera.position.copy(centre).addScaledVector(new THREE.Vector3(0.42, -0.78, 0.52).normalize(), distance);
+    const distance = 1.1 * radius / Math.sin(THREE.MathUtils.degToRad(this.camera.fov / 2));
+    this.camera.position.copy(centre).addScaledVector(new THREE.Vector3(0.74, -0.5, 0.66).normalize(), distance);
     this.camera.near = radius / 50;
     this.camera.far = 40 * radius;
     this.controls.minDistance = radius / 10;
@@ -92,8 +92,10 @@ export class Stage {
     this.touch();
   }
 
-  frame(now) {
-    requestAnimationFrame(next => this.frame(next));
+  frame() {
+    requestAnimationFrame(() => this.frame());
+    // Not the time that comes with the call: it is the frame's, and may lie before the newest message.
+    const now = performance.now();
     const moved = this.onFrame(now);
     if (!moved && !this.dirty) return;
     this.dirty = false;

@@ -4,7 +4,7 @@ import { cividis, css } from './colour.js';
 
 const $ = id => document.getElementById(id);
 const SECONDS = 10, BLOCK_S = 0.01, WINDOW_MS = 10000;
-const PARTS = ['removal', 'factor, free motion', 'patch, C', 'contact', 'correction', 'look ahead'];
+const PARTS = ['removal', 'factor', 'patch', 'contact', 'correction', 'look ahead'];
 const PART_COLOURS = PARTS.map((_, i) => css(cividis((i + 0.5) / PARTS.length)));
 const TICKS = [[10, '10 µs'], [100, '100'], [1000, '1 ms'], [10000, '10']];
 
@@ -17,7 +17,7 @@ const BITS = ['disarmed', 'holding', 'ramping down', 'ramping up', 'problem old'
   'latched', 'conflict', 'saturated', 'slew limited', 'not finite', 'solver cap', 'blending', 'contacts dropped'];
 const ORDINARY = new Set([0, 3, 10, 11, 14]);
 
-const us = x => Number.isNaN(x) ? '–' : x < 1000 ? `${Math.round(x)} µs` : `${(x / 1000).toFixed(1)} ms`;
+const us = x => Number.isNaN(x) ? '–' : x < 100 ? x.toFixed(0) : String(Number(x.toPrecision(2)));
 const rows = list => list.map(([k, v]) => `<dt>${k}</dt><dd>${v}</dd>`).join('');
 const escape = text => String(text).replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
 
@@ -96,7 +96,7 @@ export class Strip {
       if (!counts.length) continue;
       histogram($(`${name}-chart`), counts, BEGINS, TICKS);
       $(`${name}-text`).textContent =
-        `p50 ${us(percentile(counts, BEGINS, 50))} · p99.9 ${us(percentile(counts, BEGINS, 99.9))}`;
+        `p50 ${us(percentile(counts, BEGINS, 50))} · p99.9 ${us(percentile(counts, BEGINS, 99.9))} µs`;
     }
     const health = this.health.get(this.chosen);
     if (health?.parts_ms) {
@@ -122,7 +122,7 @@ export class Strip {
     const of = id => this.bodies.find(b => b.id === id)?.name ?? id;
     const bases = (health?.bodies ?? []).map(b => [
       `base of ${escape(of(b.body))}`,
-      !b.awake ? 'asleep' : `${b.base_age} steps old${b.error ? `, error ${b.error.toExponential(0)}` : ''}${b.degraded ? ', degraded' : ''}`]);
+      !b.awake ? 'asleep' : `${b.base_age} steps old${b.error ? `, off ${b.error.toExponential(0)}` : ''}${b.degraded ? ', degraded' : ''}`]);
     $('tissue').innerHTML = rows([
       ['elements removed', `<b id="removed">${device.removed}</b>`],
       ['fragments aspirated', device.aspirated],
@@ -135,8 +135,8 @@ export class Strip {
     if (device.rejected !== undefined)
       safety.push(['watchdog', device.status & 0b1110110 ? 'acting' : 'quiet'], ['states rejected', device.rejected], ['conflicts', device.conflicts]);
     if (health?.energy !== undefined)
-      safety.push(['energy taken in', `${(1000 * health.energy).toFixed(2)} mJ`],
-        ['passivity', health.energy_least < -1e-6 ? `made ${(-1000 * health.energy_least).toFixed(2)} mJ` : 'kept']);
+      safety.push(['energy taken in', `${(1000 * health.energy + 0).toFixed(2).replace('-0.00', '0.00')} mJ`],
+        ['passivity', health.energy_least < -5e-6 ? `made ${(-1000 * health.energy_least).toFixed(2)} mJ` : 'kept']);
     if (device.refused) safety.push(['real time', `without ${escape(device.refused)}`]);
     $('safety').innerHTML = rows(safety);
     $('devices').innerHTML = this.status.devices.map(d => {

@@ -5,7 +5,10 @@
 // is one state behind, and moves at the screen's rate.
 import * as THREE from './vendor/three.module.min.js';
 import { CUT, LOOSE } from './protocol.js';
-import { CUT_FACE, LOOSE_PIECE, STEEL, TISSUE, cividis } from './colour.js';
+import { CUT_FACE, LOOSE_PIECE, TISSUE, cividis } from './colour.js';
+
+// The least that the whole map stands for [m, –]: below it, it would show rounding.
+const LEAST = { displacement: 1e-4, strain: 0.02 };
 
 const linear = rgb => new THREE.Color().setRGB(...rgb, THREE.SRGBColorSpace);
 
@@ -125,7 +128,7 @@ export class Tissue {
   // Moves on to the instant; true if anything moved.
   advance(now) {
     if (!this.to || this.part >= 1 || !this.vertexNode) return false;
-    this.part = Math.min((now - this.began) / this.interval, 1);
+    this.part = Math.min(Math.max((now - this.began) / this.interval, 0), 1);
     const { now: x, from, to } = this, f = this.part;
     for (let i = 0; i < x.length; ++i) x[i] = from[i] + f * (to[i] - from[i]);
     this.place();
@@ -167,18 +170,20 @@ export class Tissue {
     if (this.colouring === 'displacement' && this.rest) {
       const far = n => Math.hypot(this.now[3 * n] - this.rest[3 * n], this.now[3 * n + 1] - this.rest[3 * n + 1],
                                   this.now[3 * n + 2] - this.rest[3 * n + 2]);
-      return this.scaled('displacement', far, 1e-4);
+      return this.scaled('displacement', far);
     }
-    if (this.colouring === 'strain' && this.strain) return this.scaled('strain', n => this.strain[n], 0.02);
+    if (this.colouring === 'strain' && this.strain) return this.scaled('strain', n => this.strain[n]);
     return null;
   }
-  scaled(name, of, least) {
+  scaled(name, of) {
     let largest = this.largest[name];
     for (const n of this.vertexNode) largest = Math.max(largest, of(n));
     this.largest[name] = largest;
-    const scale = 1 / Math.max(largest, least);
+    const scale = 1 / Math.max(largest, LEAST[name]);
     return n => scale * of(n);
   }
+  // What the end of the map stands for.
+  scale(name) { return Math.max(this.largest[name] ?? 0, LEAST[name] ?? 0); }
 
   colour(by) {
     this.colouring = by;
