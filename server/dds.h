@@ -129,6 +129,20 @@ struct TopicTraits<hapticd_msg_SceneUpdate> {
   static Qos reader_qos() { return retained_qos(); }
   static Qos writer_qos() { return retained_qos(); }
 };
+template <>
+struct TopicTraits<hapticd_msg_SceneInstrument> {
+  static constexpr const char* name = "haptic/scene/instrument";
+  static const dds_topic_descriptor_t& descriptor() noexcept { return hapticd_msg_SceneInstrument_desc; }
+  static Qos reader_qos() { return retained_qos(); }
+  static Qos writer_qos() { return retained_qos(); }
+};
+template <>
+struct TopicTraits<hapticd_msg_ServerHealth> {
+  static constexpr const char* name = "haptic/server/health";
+  static const dds_topic_descriptor_t& descriptor() noexcept { return hapticd_msg_ServerHealth_desc; }
+  static Qos reader_qos() { return retained_qos(); }
+  static Qos writer_qos() { return retained_qos(); }
+};
 
 template <typename T>
 DdsEntity make_topic(const Participant& participant) {

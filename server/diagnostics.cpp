@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "server/borrowed.h"
 #include "server/contact_capture_file.h"
 #include "server/log.h"
 #include "server/realtime.h"
@@ -15,16 +16,6 @@ namespace {
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr auto turn = std::chrono::milliseconds(20);
 constexpr int turns_per_status = 5, turns_per_update = 2;
-
-// The message borrows the vector; Cyclone copies on write.
-template <typename Sequence, typename T>
-Sequence borrowed(std::vector<T>& v) {
-  Sequence s{};
-  s._maximum = s._length = static_cast<std::uint32_t>(v.size());
-  s._buffer = v.data();
-  s._release = false;
-  return s;
-}
 
 nlohmann::json percentiles(const Histogram& histogram, double unit) {
   const HistogramSnapshot h = histogram.snapshot();
@@ -128,7 +119,9 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
       status_(participant),
       geometry_(participant),
       update_(participant),
-      scope_(scope.value_or(DiagnosticsScope{scene.device.id, true})) {
+      instrument_writer_(participant),
+      scope_(scope.value_or(DiagnosticsScope{scene.device.id, true})),
+      health_(participant, scene, scope_.device_id) {
   if (record && record->extension() == ".csv")
     record_.emplace(*record);
   else if (record)
@@ -202,6 +195,7 @@ void Diagnostics::run() noexcept {
 void Diagnostics::drain() {
   ForceRecord record;
   while (history_.pop(record)) {
+    health_.note(record);
     if (record_) write_line(record);
     if (bag_) bag_->push(record);
     if (ros2_) ros2_->note(record);
@@ -236,6 +230,10 @@ void Diagnostics::publish_geometry() {
     m.tets = borrowed<decltype(m.tets)>(tets);
     geometry_.write(m);
   }
+  std::vector<float> shape = instrument_shape(scene_.instrument);
+  hapticd_msg_SceneInstrument m{};
+  m.primitives = borrowed<decltype(m.primitives)>(shape);
+  instrument_writer_.write(m);
 }
 
 void Diagnostics::publish_update() {
@@ -283,6 +281,7 @@ void Diagnostics::publish_status() {
   m.scene = const_cast<char*>(scene_.name.c_str());
   m.refused = const_cast<char*>(refused_.c_str());
   status_.write(m);
+  if (health_.heard()) health_.publish(statistics_.wake.snapshot(), statistics_.solve.snapshot(), snapshot.health);
   if (bag_) bag_->push(diagnostic_of(m, now));
 }
 

@@ -1,7 +1,8 @@
 // The thread that talks: status, scene and recording, at ordinary priority, fed by queues and channels.
 //
 //   10 Hz   ServerStatus            from the loop's statistics and the newest snapshot
-//   once    SceneGeometry           per body, kept by DDS for late readers
+//   10 Hz   ServerHealth            while somebody listens (health.h)
+//   once    SceneGeometry           per body, kept by DDS for late readers; SceneInstrument
 //   25 Hz   SceneUpdate             per deformable body, from the newest snapshot
 //   50 Hz   the ROS 2 mirror        of the newest tick, where the scene asks for it (ros2_mirror.h)
 //   50 Hz   the force history       drained, and written to the recording if there is one: a CSV file
@@ -25,6 +26,7 @@
 #include "server/bag_recorder.h"
 #include "server/dds.h"
 #include "server/force_record.h"
+#include "server/health.h"
 #include "server/realtime.h"
 #include "server/ros2_mirror.h"
 #include "server/scene.h"
@@ -47,6 +49,7 @@ struct SceneSnapshot {
   std::uint32_t fragments_aspirated = 0;
   double step_ms = 0;
   double rate_hz = 0;
+  StepHealth health;
 };
 
 // One bit per entry, least significant first.
@@ -128,7 +131,9 @@ class Diagnostics {
   Writer<hapticd_msg_ServerStatus> status_;
   Writer<hapticd_msg_SceneGeometry> geometry_;
   Writer<hapticd_msg_SceneUpdate> update_;
+  Writer<hapticd_msg_SceneInstrument> instrument_writer_;
   const DiagnosticsScope scope_;
+  HealthPublisher health_;
   std::string refused_;              // "", or what of the real-time set-up is missing
   std::uint64_t rate_mark_run_ = 0;  // where the present window of the rate began
   std::int64_t rate_mark_ns_ = 0;

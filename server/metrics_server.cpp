@@ -4,10 +4,11 @@
 #include <microhttpd.h>
 #include <netinet/in.h>
 
-#include <cctype>
 #include <charconv>
 #include <cstring>
 #include <stdexcept>
+
+#include "server/host_name.h"
 
 namespace hapticd {
 namespace {
@@ -61,19 +62,6 @@ Endpoint endpoint_of(const std::string& text) {
   return e;
 }
 
-bool is_loopback_name(const char* header) {
-  if (!header) return true;  // HTTP/1.0
-  std::string host(header);
-  if (host.starts_with('['))
-    host = host.substr(0, host.find(']') + 1);
-  else
-    host = host.substr(0, host.find(':'));
-  for (char& c : host) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  in_addr v4{};
-  return host == "localhost" || host == "[::1]" ||
-         (inet_pton(AF_INET, host.c_str(), &v4) == 1 && ntohl(v4.s_addr) >> 24 == 127);
-}
-
 MHD_Result answer(MHD_Connection* connection, unsigned code, const std::string& text) {
   MHD_Response* response =
       MHD_create_response_from_buffer(text.size(), const_cast<char*>(text.data()), MHD_RESPMEM_MUST_COPY);
@@ -115,7 +103,8 @@ struct MetricsServer::Http {
       return MHD_YES;
     }
     try {
-      if (!is_loopback_name(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Host")))
+      const char* host = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Host");
+      if (host && !is_loopback_host(host))  // HTTP/1.0 has none
         return answer(connection, MHD_HTTP_FORBIDDEN, "Ask by a loopback name.\n");
       if (std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0)
         return answer(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "GET alone.\n");

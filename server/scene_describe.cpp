@@ -24,11 +24,6 @@ const char* shape_name(Shape shape) {
   return names[static_cast<int>(shape)];
 }
 
-const char* compliance_name(ComplianceMethod method) {
-  static const char* const names[] = {"exact", "zone", "lazy", "updown", "dense"};
-  return names[static_cast<int>(method)];
-}
-
 // Mean edge length: the resolution of a mesh [m].
 double mean_edge(const TetMesh& mesh) {
   double sum = 0;
@@ -70,6 +65,11 @@ void describe_primitive(std::string& out, const Primitive& p, bool tip) {
 }
 
 }  // namespace
+
+const char* compliance_name(ComplianceMethod method) {
+  static const char* const names[] = {"exact", "zone", "lazy", "updown", "dense"};
+  return names[static_cast<int>(method)];
+}
 
 double felt_stiffness(const Scene& scene) {
   return scene.coupling.stiffness * scene.device.position_scale * scene.device.force_scale;

@@ -12,6 +12,9 @@ namespace hapticd {
 
 std::string describe(const Scene& scene);
 
+// "zone", as a scene says it.
+const char* compliance_name(ComplianceMethod method);
+
 // K · position_scale · force_scale of the virtual coupling: the stiffest the device is asked to display
 // [N/m].
 double felt_stiffness(const Scene& scene);

@@ -41,7 +41,9 @@ SimulationLoop::SimulationLoop(World& world, double rate, Channel<InstrumentInpu
       period_ns_(std::llround(1e9 / rate)),
       instrument_(instrument),
       problems_(problems),
-      snapshots_(snapshots) {}
+      snapshots_(snapshots) {
+  world_.time_with(monotonic_ns);
+}
 
 SimulationLoop::~SimulationLoop() { stop(); }
 
@@ -131,10 +133,10 @@ void SimulationLoop::step() {
   const std::int64_t spent = monotonic_ns() - begin;
   statistics_.step.record(spent);
   count(report);
-  publish_snapshot(spent, report.contact.instrument);
+  publish_snapshot(spent, report);
 }
 
-void SimulationLoop::publish_snapshot(std::int64_t step_ns, const Pose& instrument) {
+void SimulationLoop::publish_snapshot(std::int64_t step_ns, const StepReport& report) {
   SceneSnapshot& snapshot = snapshots_.back();
   const Bodies& bodies = world_.bodies();
   snapshot.step = world_.steps();
@@ -149,7 +151,7 @@ void SimulationLoop::publish_snapshot(std::int64_t step_ns, const Pose& instrume
   }
   snapshot.instrument = instrument_.front().X;
   snapshot.contacts.clear();
-  for (const ContactForce& c : contact_forces(world_.contact_scratch(), instrument)) {
+  for (const ContactForce& c : contact_forces(world_.contact_scratch(), report.contact.instrument)) {
     for (const Vec3& v : {c.place, c.force})
       for (int i = 0; i < 3; ++i) snapshot.contacts.push_back(static_cast<float>(v[i]));
     snapshot.contacts.push_back(static_cast<float>(c.gap));
@@ -159,6 +161,10 @@ void SimulationLoop::publish_snapshot(std::int64_t step_ns, const Pose& instrume
       static_cast<std::uint32_t>(statistics_.aspirated.load(std::memory_order_relaxed));
   snapshot.step_ms = 1e-6 * static_cast<double>(step_ns);
   snapshot.rate_hz = statistics_.rate_hz();
+  for (std::size_t p = 0; p < step_parts; ++p) part_ns_[p] += report.part_ns[p];
+  snapshot.health.step = world_.steps();
+  snapshot.health.part_ns = part_ns_;
+  snapshot.health.bodies = report.compliance;
   snapshots_.publish();
 }
 

@@ -80,7 +80,7 @@ class SimulationLoop {
   void adopt_bases();
   void count(const StepReport& report);
   InstrumentSample latest();
-  void publish_snapshot(std::int64_t step_ns, const Pose& instrument);
+  void publish_snapshot(std::int64_t step_ns, const StepReport& report);
 
   World& world_;
   const std::int64_t period_ns_;
@@ -88,6 +88,7 @@ class SimulationLoop {
   Channel<CondensedProblem>& problems_;
   Channel<SceneSnapshot>& snapshots_;
   SimulationStatistics statistics_;
+  std::array<std::int64_t, step_parts> part_ns_{};  // summed
   BaseMaker bases_;
   std::atomic<std::int64_t> hold_ns_{0};
   std::atomic<bool> poisoned_{false};

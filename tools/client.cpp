@@ -129,7 +129,7 @@ bool DeviceClient::arm(const DeviceCommand& first) noexcept {
     const bool armed =
         !settings_.enable || !(status & (status_disarmed | status_ramping_up | status_latched));
     if (armed && rounds == rounds_of_phase) return true;
-    if (interrupted()) return false;
+    if (over()) return false;
     if (now > until) {
       stage_.store(heard_ns_.load() == 0 ? Stage::no_answer : Stage::not_armed);
       return false;
@@ -154,7 +154,7 @@ void DeviceClient::serve(SlotSource& source) noexcept {
     send(command, plan.number_of(k), true);
     reached_.store(k, std::memory_order_relaxed);
     ++k;
-    if (interrupted()) return;
+    if (over()) return;
     if (now - heard_ns_.load(std::memory_order_relaxed) > silence_ns) {
       stage_.store(Stage::silent);
       return;
@@ -193,10 +193,14 @@ void DeviceClient::sender(SlotSource& source) noexcept {
     stage_.store(Stage::ended);
 }
 
+bool DeviceClient::over() const noexcept {
+  return interrupted() || leaving_.load(std::memory_order_relaxed);
+}
+
 void DeviceClient::wait_for_daemon() {
   const auto until = monotonic_ns() + static_cast<std::int64_t>(1e9 * settings_.match_timeout);
   while (writer_.matched() == 0 || reader_.matched() == 0) {
-    if (interrupted()) return;
+    if (over()) return;
     if (monotonic_ns() > until)
       throw std::runtime_error("no daemon answered in DDS domain " + std::to_string(settings_.domain) +
                                " within " + std::to_string(static_cast<int>(settings_.match_timeout)) +

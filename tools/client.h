@@ -76,6 +76,9 @@ class DeviceClient {
   // `poll` is called about 50 times a second on the calling thread, with the slot reached (−1: arming).
   void run(SlotSource& source, const std::function<void(std::int64_t)>& poll);
 
+  // Ends a run early, letting go first; any thread.
+  void leave() noexcept { leaving_.store(true, std::memory_order_relaxed); }
+
   // After run.
   const SlotBook& book() const noexcept { return book_; }
   const hapticd_msg_ForceCommand& answer(std::int64_t k) const noexcept { return answers_[std::size_t(k)]; }
@@ -83,7 +86,7 @@ class DeviceClient {
   std::uint32_t status_seen() const noexcept { return status_seen_.load(); }  // all bits during the slots
   const Grant& grant() const noexcept { return grant_; }
   double phase_shift_us() const noexcept { return phase_shift_us_; }
-  bool complete() const noexcept { return complete_; }  // not interrupted
+  bool complete() const noexcept { return complete_; }  // neither interrupted nor left
 
   // Any time.
   double newest_force() const noexcept { return newest_force_.load(std::memory_order_relaxed); }  // [N]
@@ -91,6 +94,7 @@ class DeviceClient {
  private:
   enum class Stage { arming, slots, letting_go, ended, no_answer, not_armed, silent };
 
+  bool over() const noexcept;
   void wait_for_daemon();
   void receive() noexcept;
   void count(const hapticd_msg_ForceCommand& force, std::int64_t now_ns) noexcept;
@@ -107,6 +111,7 @@ class DeviceClient {
   std::vector<DeviceCommand> commands_;            // sender's until the end
 
   std::atomic<Stage> stage_{Stage::arming};
+  std::atomic<bool> leaving_{false};
   std::atomic<bool> counting_{false};  // the plan stands: the book may be asked
   std::atomic<std::uint32_t> status_seen_{0}, status_{status_disarmed};
   std::atomic<std::int64_t> heard_ns_{0}, reached_{-1};

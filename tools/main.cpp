@@ -18,7 +18,8 @@ int main(int argc, char** argv) {
       "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
   const Command commands[] = {add_replay(application), add_hand(application),   add_chart(application),
                               add_soak(application),   add_abuse(application),  add_mesh(application),
-                              add_doctor(application), add_record(application), add_stability(application)};
+                              add_doctor(application), add_record(application), add_stability(application),
+                              add_view(application)};
   try {
     application.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -14,7 +14,7 @@ void expect_refused(const std::string& arguments, const std::vector<std::string>
 }
 
 TEST(Command, HelpHasAnExample) {
-  for (const char* command : {"", "replay", "hand", "chart", "chart removal", "mesh", "doctor"}) {
+  for (const char* command : {"", "replay", "hand", "chart", "chart removal", "mesh", "doctor", "view"}) {
     const CommandResult result = run_haptic(std::string(command) + " --help");
     EXPECT_EQ(result.code, 0);
     EXPECT_NE(result.output.find("Example: haptic "), std::string::npos) << result.output;

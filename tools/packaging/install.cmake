@@ -11,6 +11,7 @@ install(DIRECTORY config/scenes config/devices config/charts config/dds DESTINAT
         USE_SOURCE_PERMISSIONS PATTERN "*.pem" EXCLUDE PATTERN "*.key" EXCLUDE)
 file(GLOB SCRIPTS CONFIGURE_DEPENDS tools/plot_*.py tools/chart_report.py)
 install(FILES ${SCRIPTS} DESTINATION ${DATA}/scripts COMPONENT runtime)
+install(DIRECTORY tools/view/page/ DESTINATION ${DATA}/view COMPONENT runtime)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 install(FILES config/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/config COMPONENT runtime)
 install(FILES ${HERE}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
