@@ -2,9 +2,8 @@
 //
 //   t_part = Σ of the times in which it was the innermost part
 //
-// Physics has no clock: a chart hands one in. Without one, which is always in a daemon, a part costs a
-// branch. Units: ns. Thread safety: one thread at a time. Guarantee: wait-free, no allocation, if the clock
-// is.
+// Physics has no clock: who runs it hands one in. Without one a part costs a branch. Units: ns. Thread
+// safety: one thread at a time. Guarantee: wait-free, no allocation, if the clock is.
 #pragma once
 
 #include <array>
@@ -24,6 +23,7 @@ enum class StepPart : std::uint8_t {
   solve,        // contact
   count
 };
+inline constexpr std::size_t step_parts = static_cast<std::size_t>(StepPart::count);
 
 // A contact solve.
 enum class ContactPart : std::uint8_t {

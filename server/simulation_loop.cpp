@@ -35,15 +35,15 @@ void raise(std::atomic<double>& largest, double value) {
 
 }  // namespace
 
-SimulationLoop::SimulationLoop(World& world, double rate, Channel<InstrumentInput>& instrument,
-                               Channel<CondensedProblem>& problems, Channel<SceneSnapshot>& snapshots)
+SimulationLoop::SimulationLoop(World& world, PartTimes& times, double rate,
+                               Channel<InstrumentInput>& instrument, Channel<CondensedProblem>& problems,
+                               Channel<SceneSnapshot>& snapshots)
     : world_(world),
+      times_(times),
       period_ns_(std::llround(1e9 / rate)),
       instrument_(instrument),
       problems_(problems),
-      snapshots_(snapshots) {
-  world_.time_with(monotonic_ns);
-}
+      snapshots_(snapshots) {}
 
 SimulationLoop::~SimulationLoop() { stop(); }
 
@@ -122,6 +122,7 @@ void SimulationLoop::step() {
   if (const std::int64_t held = hold_ns_.exchange(0, std::memory_order_relaxed); held > 0)
     sleep_until(monotonic_ns() + held);
   const std::int64_t begin = monotonic_ns();
+  times_.start();
   adopt_bases();
   CondensedProblem& problem = problems_.back();
   const StepReport report = world_.step([this] { return latest(); }, problem);
@@ -161,7 +162,8 @@ void SimulationLoop::publish_snapshot(std::int64_t step_ns, const StepReport& re
       static_cast<std::uint32_t>(statistics_.aspirated.load(std::memory_order_relaxed));
   snapshot.step_ms = 1e-6 * static_cast<double>(step_ns);
   snapshot.rate_hz = statistics_.rate_hz();
-  for (std::size_t p = 0; p < step_parts; ++p) part_ns_[p] += report.part_ns[p];
+  times_.enter(static_cast<int>(StepPart::publish));  // which ends the part so far
+  for (std::size_t p = 0; p < step_parts; ++p) part_ns_[p] += times_.ns(static_cast<StepPart>(p));
   snapshot.health.step = world_.steps();
   snapshot.health.part_ns = part_ns_;
   snapshot.health.bodies = report.compliance;

@@ -53,7 +53,7 @@ struct SimulationStatistics {
 class SimulationLoop {
  public:
   // Everything referred to must outlive the loop.
-  SimulationLoop(World& world, double rate, Channel<InstrumentInput>& instrument,
+  SimulationLoop(World& world, PartTimes& times, double rate, Channel<InstrumentInput>& instrument,
                  Channel<CondensedProblem>& problems, Channel<SceneSnapshot>& snapshots);
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
@@ -83,6 +83,7 @@ class SimulationLoop {
   void publish_snapshot(std::int64_t step_ns, const StepReport& report);
 
   World& world_;
+  PartTimes& times_;
   const std::int64_t period_ns_;
   Channel<InstrumentInput>& instrument_;
   Channel<CondensedProblem>& problems_;

@@ -18,16 +18,22 @@ nlohmann::json milliseconds(const HistogramSnapshot& h) {
           {"max", 1e-6 * static_cast<double>(h.max)}};
 }
 
+std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times) {
+  WorldSettings settings = world_settings(scene);
+  settings.compliance_options.times = &times;
+  return make_world(scene, settings);
+}
+
 }  // namespace
 
 Station::Station(const Scene& scene, const DeviceSettings& device, const Participant& participant,
                  const StationOptions& options)
     : device_(device),
       options_(options),
-      world_(make_world(scene)),
+      world_(timed_world(scene, times_)),
       port_(participant, device.id, options.mode == LoopMode::event),
       history_(history_ticks),
-      simulation_(*world_, scene.rate, instrument_, problems_, snapshots_),
+      simulation_(*world_, times_, scene.rate, instrument_, problems_, snapshots_),
       haptic_(scene.instrument, device_, haptic_options(scene), port_, problems_, instrument_, history_,
               LoopTiming{.mode = options.mode}),
       diagnostics_(participant, scene, haptic_.statistics(), snapshots_, history_, options.record,

@@ -62,6 +62,7 @@ class Station {
  private:
   const DeviceSettings device_;
   const StationOptions options_;
+  PartTimes times_{monotonic_ns};  // of the simulation's step
   std::unique_ptr<World> world_;
   DdsDevicePort port_;
   Channel<CondensedProblem> problems_;

@@ -37,7 +37,7 @@ struct StepCase {
   double seconds = 60;  // a slow case ends here, after ten steps at least
 };
 
-using StepParts = std::array<double, static_cast<std::size_t>(StepPart::count)>;
+using StepParts = std::array<double, step_parts>;
 
 struct StepPoint {
   std::string model, compliance;

@@ -103,7 +103,7 @@ nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points) {
       nlohmann::ordered_json of = {{"model", model}, {"compliance", compliance}};
       put(of, "step", growth(points, model, compliance, [](const StepPoint& p) { return p.step_ms_median; }));
       if (of["step"].is_null()) continue;
-      for (std::size_t k = 0; k < static_cast<std::size_t>(StepPart::count); ++k)
+      for (std::size_t k = 0; k < step_parts; ++k)
         put(of["parts"], name_of(static_cast<StepPart>(k)),
             growth(points, model, compliance, [k](const StepPoint& p) { return p.parts_ms[k]; }));
       json.push_back(of);
@@ -155,8 +155,7 @@ void print_points(const std::vector<StepPoint>& points) {
   if (points.empty()) return;
   std::printf("%-13s %-7s %6s %5s %4s  %8s %8s %7s ", "model", "", "nodes", "patch", "con.", "p50 ms",
               "p99 ms", "> 20 ms");
-  for (std::size_t k = 0; k < static_cast<std::size_t>(StepPart::count); ++k)
-    std::printf(" %11s", name_of(static_cast<StepPart>(k)));
+  for (std::size_t k = 0; k < step_parts; ++k) std::printf(" %11s", name_of(static_cast<StepPart>(k)));
   std::printf("\n");
   for (const StepPoint& p : points) {
     std::printf("%-13s %-7s %6d %5d %4d  %8.2f %8.2f %5.1f %% ", p.model.c_str(), p.compliance.c_str(),

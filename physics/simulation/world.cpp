@@ -52,12 +52,6 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   StepReport report;
   ++steps_;
   topology_changed_ = false;
-  std::int64_t begun = clock_ ? clock_() : 0;
-  const auto ends = [&](StepPart part) {
-    if (!clock_) return;
-    const std::int64_t now = clock_();
-    report.part_ns[static_cast<std::size_t>(part)] = now - std::exchange(begun, now);
-  };
 
   report.bases_adopted = std::exchange(bases_adopted_, 0);
   InstrumentSample sample = latest();
@@ -71,19 +65,15 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     }
   wake(sample);
   if (!contacts_.empty()) find_body_contacts();
-  ends(StepPart::removal);
   factor_and_free_motion(sample, report);
-  ends(StepPart::factor);
 
   if (settings_.newest_pose) sample = latest();
   gather(sample, problem);
   compliance_of_patch(sample, problem, report);
-  ends(StepPart::patch);
   if (contacts_.empty())
     solve_instrument(sample, problem, report);
   else
     solve_together(sample, problem, report);
-  ends(StepPart::contact);
   correct_bodies();
 
   for (Body& body : bodies_)
@@ -95,13 +85,11 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     }
   if (settings_.fresh_free_motion) set_patch_positions(bodies_, gatherer_.nodes(), problem);
   if (contacts_.any()) condense_bodies(problem, report);
-  ends(StepPart::correct);
   if (looks_ahead()) look_ahead(sample, problem, report);
   if (rebases_) *last_problem_ = problem;
   report_compliance(report);
   put_to_sleep();
   removed_ += report.removed;
-  ends(StepPart::ahead);
   return report;
 }
 

@@ -20,8 +20,6 @@
 // body. Source: the paper §2 and Fig. 2; departures: published patch, newest pose, fresh free motion.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -78,10 +76,6 @@ struct InstrumentSample {
   bool aspiration = false;
 };
 
-// What a step spends its time on; the numbers are those of the list above.
-enum class StepPart { removal, factor, patch, contact, correct, ahead };  // 1 | 2 | 3 | 4 | 5 and 6 | 7 and 8
-inline constexpr std::size_t step_parts = 6;
-
 struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
   int fragments_aspirated = 0;
@@ -94,7 +88,6 @@ struct StepReport {
   double handover_jump = 0;
   BodyContactReport body_contact;
   std::vector<BodyReport> compliance;  // of awake bodies
-  std::array<std::int64_t, step_parts> part_ns{};  // by StepPart; zero without a clock (World::time_with)
 };
 
 // Rows of the instrument exist for gaps below this, in alarm distances; they are renewed in each solve.
@@ -110,9 +103,6 @@ class World {
   // One step of h. `latest` is asked for the newest sample twice: at the start and at the latch.
   // `problem` is written whole, but for `published_ns`.
   StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem);
-
-  // Between steps: from now on a step's report says how long its parts took, by this clock [ns].
-  void time_with(std::function<std::int64_t()> clock) { clock_ = std::move(clock); }
 
   // Between steps: the next one begins by removing these, whatever the tip does.
   void schedule_removal(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
@@ -206,7 +196,6 @@ class World {
   bool was_present_ = false;
   int bases_adopted_ = 0;
   std::uint64_t steps_ = 0;
-  std::function<std::int64_t()> clock_;  // empty: parts are not timed
 };
 
 }  // namespace hapticd

@@ -4,7 +4,7 @@ import { cividis, css } from './colour.js';
 
 const $ = id => document.getElementById(id);
 const SECONDS = 10, BLOCK_S = 0.01, WINDOW_MS = 10000;
-const PARTS = ['removal', 'factor', 'patch', 'contact', 'correction', 'look ahead'];
+const PARTS = ['publish', 'collision', 'assembly', 'factor', 'free motion', 'condense', 'solve'];
 const PART_COLOURS = PARTS.map((_, i) => css(cividis((i + 0.5) / PARTS.length)));
 const TICKS = [[10, '10 µs'], [100, '100'], [1000, '1 ms'], [10000, '10']];
 
