@@ -1,7 +1,10 @@
 #include "physics/simulation/collision.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
+#include <stdexcept>
+#include <string>
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wall"
@@ -44,8 +47,11 @@ GrownShape grown(const Primitive& p, double alarm) {
   return {std::make_shared<fcl::Box<double>>(size), box.center()};
 }
 
+constexpr double most_stretch = 1e3;  // of a face, in the body's widest at first
+
 struct Body {
   std::vector<SurfaceFace> faces;
+  double widest = 0;       // face at first [m]
   std::vector<int> nodes;  // mesh node of each hierarchy vertex
   std::shared_ptr<Hierarchy> hierarchy;
   std::unique_ptr<Object> object;
@@ -90,6 +96,23 @@ void fill_vertices(const Body& body, std::span<const Vec3> positions, std::vecto
   std::transform(body.nodes.begin(), body.nodes.end(), out.begin(), [&](int n) { return positions[n]; });
 }
 
+double width(const SurfaceFace& f, std::span<const Vec3> x) {
+  const Vec3 &a = x[f.nodes[0]], &b = x[f.nodes[1]], &c = x[f.nodes[2]];
+  const Eigen::Vector3d squares((b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm());
+  return std::sqrt(squares.maxCoeff<Eigen::PropagateNaN>());
+}
+
+// libccd may search for ever where a face is 10^8 m wide, and near_faces with it.
+void require_bounded(std::span<const SurfaceFace> faces, double widest, int index,
+                     std::span<const Vec3> positions) {
+  for (const SurfaceFace& f : faces)
+    if (const double w = width(f, positions); !(w <= most_stretch * widest))
+      throw std::runtime_error("the tissue is unstable: of body " + std::to_string(index) +
+                               " the face of nodes " + std::to_string(f.nodes[0]) + ", " +
+                               std::to_string(f.nodes[1]) + " and " + std::to_string(f.nodes[2]) + " is " +
+                               std::to_string(w) + " m wide");
+}
+
 }  // namespace
 
 Collision::Collision(const Instrument& instrument, double alarm_distance)
@@ -105,12 +128,15 @@ Collision::~Collision() = default;
 int Collision::add_body(std::span<const SurfaceFace> faces, std::span<const Vec3> positions) {
   impl_->bodies.emplace_back();
   const int body = static_cast<int>(impl_->bodies.size()) - 1;
+  for (const SurfaceFace& f : faces)
+    impl_->bodies[body].widest = std::max(impl_->bodies[body].widest, width(f, positions));
   set_surface(body, faces, positions);
   return body;
 }
 
 void Collision::set_surface(int index, std::span<const SurfaceFace> faces, std::span<const Vec3> positions) {
   Body& body = impl_->bodies[index];
+  require_bounded(faces, body.widest, index, positions);
   if (body.object) impl_->manager.unregisterObject(body.object.get());
   body.object.reset();
   body.faces.assign(faces.begin(), faces.end());
@@ -148,6 +174,7 @@ void Collision::set_surface(int index, std::span<const SurfaceFace> faces, std::
 void Collision::refit(int index, std::span<const Vec3> positions) {
   Body& body = impl_->bodies[index];
   if (!body.object) return;
+  require_bounded(body.faces, body.widest, index, positions);
   std::vector<Vec3> vertices;
   fill_vertices(body, positions, vertices);
   body.hierarchy->beginReplaceModel();
