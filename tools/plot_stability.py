@@ -20,7 +20,8 @@ th:first-child, td:first-child { text-align: left; } .bad { color: #b00020; font
 
 
 WAYS = (("default", ACCENT, "o", "the daemon"), ("controlled", "#2b7a78", "D", "… with its passivity controller"),
-        ("wall", INK, "s", "ideal 1 kHz wall"), ("held", GREY, "^", "force held for 20 ms"))
+        ("wall", INK, "s", "ideal 1 kHz wall"), ("wall_alike", "#8a6fb0", "v", "the wall as viscous as the tissue"),
+        ("held", GREY, "^", "force held for 20 ms"))
 
 
 def limit_curves(axes, x, points, lines):
@@ -85,7 +86,7 @@ def draw_mode(mode, path):
         right.plot(trace[who]["x"], trace[who]["y"], "o-" if few else "-", ms=3, color=colour, lw=1, label=label)
     ours = [abs(f) for f in trace["default"]["y"]] or [0]
     right.set(xlabel=trace["x"], ylabel=trace["y"])
-    if trace["y"].startswith("error"):
+    if trace["y"].startswith(("error", "residual")):
         right.set(yscale="log")
     else:
         limit = 3 * max(ours) or 1
