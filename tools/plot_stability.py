@@ -27,11 +27,12 @@ WAYS = (("default", ACCENT, "o", "the daemon"), ("controlled", "#2b7a78", "D", "
 def limit_curves(axes, x, points, lines):
     """Filled: no swing at rest. Hollow: no energy made either."""
     for who, colour, marker, label in WAYS:
-        if f"{who}_n_m" not in points[0]:
+        if not any(f"{who}_n_m" in p for p in points):
             continue
-        axes.plot(x, [p[f"{who}_n_m"] for p in points], marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
-        axes.plot(x, [p[f"{who}_passive_n_m"] for p in points], marker + (":" if lines else ""), color=colour, mfc="white",
-                  label="… and no energy made")
+        # Nothing sound in the whole range: no point.
+        steady, passive = ([p.get(f"{who}_{kind}n_m") or float("nan") for p in points] for kind in ("", "passive_"))
+        axes.plot(x, steady, marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
+        axes.plot(x, passive, marker + (":" if lines else ""), color=colour, mfc="white", label="… and no energy made")
 
 
 def draw_map(points, path):
