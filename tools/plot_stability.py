@@ -26,13 +26,14 @@ WAYS = (("default", ACCENT, "o", "the daemon"), ("controlled", "#2b7a78", "D", "
 
 def limit_curves(axes, x, points, lines):
     """Filled: no swing at rest. Hollow: no energy made either."""
-    for who, colour, marker, label in WAYS:
+    for k, (who, colour, marker, label) in enumerate(WAYS):
         if not any(f"{who}_n_m" in p for p in points):
             continue
         # Nothing sound in the whole range: no point.
         steady, passive = ([p.get(f"{who}_{kind}n_m") or float("nan") for p in points] for kind in ("", "passive_"))
-        axes.plot(x, steady, marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
-        axes.plot(x, passive, marker + (":" if lines else ""), color=colour, mfc="white", label="… and no energy made")
+        at = x if lines else [v + 0.09 * (k - 2) for v in x]
+        axes.plot(at, steady, marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
+        axes.plot(at, passive, marker + (":" if lines else ""), color=colour, mfc="white", label="… and no energy made")
 
 
 def draw_map(points, path):
