@@ -6,6 +6,8 @@
 namespace hapticd {
 namespace {
 
+constexpr double most_parts = 12;  // of the way from where a problem was made
+
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
   return {.now_ns = input.now_ns,
           .presence = input.presence,
@@ -57,6 +59,14 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
   const CondensedProblem& now = at_tick(problem, options.viscous, period, s.patch);
+  // A problem that the instrument has outrun is met where it was made, and on the way from there.
+  if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
+    const Vec6 way = difference(X, problem.X_ref);
+    const double parts = std::min(way.head<3>().norm() / contact.margin, most_parts);
+    for (int p = 0; parts > 1 && p < parts; ++p)
+      solve_contact(now, instrument, displaced(problem.X_ref, p / parts * way), period, contact, s.contact,
+                    s.scratch);
+  }
   const ContactSolution& solution = s.solution =
       solve_contact(now, instrument, X, period, contact, s.contact, s.scratch);
   s.solved = true;

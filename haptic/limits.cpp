@@ -40,10 +40,9 @@ void start_blend(Blend& blend, const Wrench& last, const Wrench& fresh) noexcept
 
 Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration) noexcept {
   if (blend.left <= 0) return fresh;
-  const Wrench w = fresh + blend.left * blend.offset;
-  blend.left -= period / duration;
+  blend.left -= period / (duration + period);
   if (blend.left < 1e-9) blend.left = 0;
-  return w;
+  return fresh + blend.left * blend.offset;
 }
 
 }  // namespace hapticd

@@ -20,17 +20,20 @@ th:first-child, td:first-child { text-align: left; } .bad { color: #b00020; font
 
 
 WAYS = (("default", ACCENT, "o", "the daemon"), ("controlled", "#2b7a78", "D", "… with its passivity controller"),
-        ("wall", INK, "s", "ideal 1 kHz wall"), ("held", GREY, "^", "force held for 20 ms"))
+        ("wall", INK, "s", "ideal 1 kHz wall"), ("wall_alike", "#8a6fb0", "v", "the wall as viscous as the tissue"),
+        ("held", GREY, "^", "force held for 20 ms"))
 
 
 def limit_curves(axes, x, points, lines):
     """Filled: no swing at rest. Hollow: no energy made either."""
-    for who, colour, marker, label in WAYS:
-        if f"{who}_n_m" not in points[0]:
+    for k, (who, colour, marker, label) in enumerate(WAYS):
+        if not any(f"{who}_n_m" in p for p in points):
             continue
-        axes.plot(x, [p[f"{who}_n_m"] for p in points], marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
-        axes.plot(x, [p[f"{who}_passive_n_m"] for p in points], marker + (":" if lines else ""), color=colour, mfc="white",
-                  label="… and no energy made")
+        # Nothing sound in the whole range: no point.
+        steady, passive = ([p.get(f"{who}_{kind}n_m") or float("nan") for p in points] for kind in ("", "passive_"))
+        at = x if lines else [v + 0.09 * (k - 2) for v in x]
+        axes.plot(at, steady, marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
+        axes.plot(at, passive, marker + (":" if lines else ""), color=colour, mfc="white", label="… and no energy made")
 
 
 def draw_map(points, path):
@@ -85,7 +88,7 @@ def draw_mode(mode, path):
         right.plot(trace[who]["x"], trace[who]["y"], "o-" if few else "-", ms=3, color=colour, lw=1, label=label)
     ours = [abs(f) for f in trace["default"]["y"]] or [0]
     right.set(xlabel=trace["x"], ylabel=trace["y"])
-    if trace["y"].startswith("error"):
+    if trace["y"].startswith(("error", "residual")):
         right.set(yscale="log")
     else:
         limit = 3 * max(ours) or 1

@@ -48,9 +48,11 @@ struct Largest {
 struct StiffnessPoint {
   std::string hand, source;  // of a grasp; empty in the map over the device's damping
   double mass = 0, damping = 0, stiffness = 0;
-  double device_damping = 0;             // [N·s/m]
-  Largest wall, ours, controlled, held;  // controlled: ours with the passivity controller
-  double colgate = 0;                    // 2 b/T
+  double device_damping = 0;  // [N·s/m]
+  Largest wall, ours, held;
+  Largest alike;       // the wall with the tissue's own viscosity, 2 ms, where `wall` picks its best
+  Largest controlled;  // ours with the passivity controller
+  double colgate = 0;  // 2 b/T
 };
 
 struct StabilityChart {

@@ -106,6 +106,7 @@ nlohmann::ordered_json to_json(const StiffnessPoint& p) {
   put("wall", p.wall);
   put("default", p.ours);
   put("held", p.held);
+  put("wall_alike", p.alike);
   if (p.controlled.steady > 0) put("controlled", p.controlled);
   j["colgate_n_m"] = rounded(p.colgate, 1);
   return j;

@@ -1,8 +1,12 @@
 #include "tools/stability_random.h"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <random>
+#include <thread>
+#include <vector>
 
 #include "tools/hand_model.h"
 #include "tools/virtual_daemon.h"
@@ -132,21 +136,57 @@ void episode(const Scene& scene, const RandomSettings& settings, std::uint64_t s
   report.removed += daemon.world().removed();
 }
 
+// What several episodes come to.
+void add(const RandomReport& part, RandomReport& sum) {
+  sum.ticks += part.ticks;
+  sum.in_contact += part.in_contact;
+  sum.not_finite += part.not_finite;
+  sum.above_maximum += part.above_maximum;
+  sum.latched += part.latched;
+  sum.solver_caps += part.solver_caps;
+  sum.saturated += part.saturated;
+  sum.removed += part.removed;
+  sum.force_max = std::max(sum.force_max, part.force_max);
+  sum.made = std::max(sum.made, part.made);
+  sum.absorbed += part.absorbed;
+  sum.controlled_force_max = std::max(sum.controlled_force_max, part.controlled_force_max);
+  sum.controlled_work += part.controlled_work;
+  sum.controlled_force_rms += part.controlled_force_rms;
+  sum.status |= part.status;
+}
+
 }  // namespace
 
 RandomReport run_random(const Scene& cataract, const RandomSettings& settings,
                         const std::function<bool(double)>& progress) {
+  const std::int64_t episodes = (settings.ticks + settings.episode - 1) / settings.episode;
+  std::vector<RandomReport> parts(static_cast<std::size_t>(episodes));
+  std::atomic<std::int64_t> next{0}, done{0};
+  std::atomic<bool> on{true};
+  // Episodes know nothing of one another: a thread for each core, summed in their order.
+  const auto work = [&] {
+    for (std::int64_t e; on && (e = next++) < episodes;) {
+      const std::int64_t ticks = std::min(settings.episode, settings.ticks - e * settings.episode);
+      episode(cataract, settings, settings.seed + static_cast<std::uint64_t>(e), ticks,
+              parts[static_cast<std::size_t>(e)], [&](std::int64_t) {
+                done += 256;
+                return on.load();
+              });
+    }
+  };
+  std::vector<std::thread> threads;
+  const auto cores = static_cast<std::int64_t>(std::max(1u, std::thread::hardware_concurrency()));
+  for (std::int64_t k = 0; k < std::min(cores, episodes); ++k) threads.emplace_back(work);
+  const auto all = static_cast<double>(settings.ticks);
+  while (on && next < episodes + static_cast<std::int64_t>(threads.size())) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    on = progress(std::min(1.0, static_cast<double>(done) / all));
+  }
+  for (std::thread& t : threads) t.join();
   RandomReport report;
   report.passivity_control = settings.passivity_control;
   report.device_max = cataract.device.max_force;
-  bool on = true;
-  for (std::int64_t done = 0; on && done < settings.ticks; done += settings.episode) {
-    const auto seed = settings.seed + static_cast<std::uint64_t>(done / settings.episode);
-    episode(cataract, settings, seed, std::min(settings.episode, settings.ticks - done), report,
-            [&](std::int64_t i) {
-              return on = progress(static_cast<double>(done + i) / static_cast<double>(settings.ticks));
-            });
-  }
+  for (const RandomReport& part : parts) add(part, report);
   if (report.ticks > 0)
     report.controlled_force_rms = std::sqrt(report.controlled_force_rms / static_cast<double>(report.ticks));
   return report;

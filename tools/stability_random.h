@@ -2,7 +2,7 @@
 //
 // Every few tenths of a second the hand heads for another place over, on or up to 1.5 mm in the lens, shaft
 // through the incision, pedals up or down; one way in ten loses a burst of states. The device is the scene's
-// with its own limits. A fresh lens every `episode` ticks. Deterministic: a function of the settings.
+// with its own limits. A fresh lens every `episode` ticks. Deterministic, on however many cores.
 #pragma once
 
 #include <cstdint>

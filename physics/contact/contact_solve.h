@@ -4,7 +4,7 @@
 //     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
 //
 // The first linearisation is at the last solve's forces and coupling offset, found again by sample id; where
-// a sample that bore force is gone, at x_now (rows.h). What no row holds may spring through the instrument,
+// none is known, or a sample is gone, at x_now (rows.h). What no row holds may spring through the instrument,
 // where normals point out on its wrong side: a solve that leaves a sample deeper than `margin` is repeated at
 // its own linearisation, with the samples that it let through as rows too, at most three times.
 // Virtual coupling with a massless proxy: e = X_device ⊖ X_instrument,

@@ -63,7 +63,8 @@ bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexc
 
 void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
                      PatchPositions& x) noexcept {
-  if (forgets(problem, memory)) {
+  // Nor is anything known of who has met no force yet, while others may long hold the tissue down there.
+  if (memory.count == 0 || forgets(problem, memory)) {
     std::copy_n(problem.x_now.begin(), problem.nodes, x.begin());
     return;
   }

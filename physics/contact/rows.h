@@ -118,8 +118,8 @@ Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambd
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows,
                      std::span<const double> lambda, PatchPositions& x) noexcept;
 
-// The same for the forces of a previous solve, found by sample id; x = x_now where one of them is
-// forgotten, for without it what it held would spring through the instrument.
+// The same for the forces of a previous solve, found by sample id; x = x_now where there are none or one of
+// them is forgotten, for without it what it held would spring through the instrument.
 void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
                      PatchPositions& x) noexcept;
 

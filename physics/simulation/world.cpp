@@ -16,6 +16,8 @@ constexpr double lasting_reach = 3.0;  // … that of a factor that serves until
 constexpr std::size_t max_zone_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps
+constexpr double far_step = 0.6;       // in alarm distances
+constexpr double most_parts = 32;      // of a step's way that contact is solved on
 constexpr double most_ahead = 0.5;     // in alarm distances: the patch is that of the pose it was gathered at
 
 bool is_near(std::span<const NearFace> near, int body) {
@@ -366,6 +368,16 @@ void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& p
     const bool compares =
         last_problem_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
     const Vec3 before = compares ? force_of_last_problem(sample) : Vec3::Zero();
+    // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
+    // on the way, with all that the solves there remember.
+    const Pose from = displaced(last_pose_, -settings_.h * twist_);
+    const Vec6 way = difference(sample.pose, from);
+    const double far =
+        settings_.contact == Renewal::renewed ? way.head<3>().norm() / settings_.alarm_distance : 0;
+    const double parts = far > far_step ? std::min(far / contact_margin, most_parts) : 0;
+    for (int p = 1; p <= parts; ++p)
+      solve_contact(problem, *instrument_, displaced(from, p / (parts + 1) * way), settings_.h,
+                    contact_options(), contact_state_, *scratch_);
     report.contact = solve_contact(problem, *instrument_, sample.pose, settings_.h, contact_options(),
                                    contact_state_, *scratch_);
     if (compares) report.handover_jump = (report.contact.wrench.head<3>() - before).norm();

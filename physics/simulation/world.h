@@ -3,7 +3,7 @@
 //   1  removals at the tip, fragments sucked out
 //   2  rotations, A(u), factor, free motion                      (per awake body)
 //   3  latch the newest instrument pose, gather the patch, C_pp
-//   4  contact solve with its geometry renewed three times       δ = W λ + δ_free
+//   4  contact solve, geometry renewed three times; of a far pose, on the way to it first    δ = W λ + δ_free
 //      (with bodies that touch one another: in one solve with theirs, world_contact.cpp)
 //   5  correct: Δx = Δx_free + C Hᵀλ
 //   6  fresh: f_int and free motion at the new state, same factor

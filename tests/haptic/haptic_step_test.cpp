@@ -138,7 +138,7 @@ TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
   problem->topology_changed = true;
   for (int i = 0; i < 5; ++i) {
     const ForceSample f = tick();
-    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - 0.2 * i), wall::tolerance * before);
+    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - (i + 1) / 6.0), wall::tolerance * before);
     EXPECT_EQ(f.status, status_blending);
   }
   EXPECT_NEAR(tick().force.z(), after, wall::tolerance * before);
@@ -156,7 +156,7 @@ TEST_F(HapticStep, ResumingAfterAStallIsBlended) {
   for (int i = 0; i < 5; ++i) {
     const ForceSample f = tick();
     EXPECT_TRUE(f.status & status_blending);
-    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - 0.2 * i), wall::tolerance * before);
+    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - (i + 1) / 6.0), wall::tolerance * before);
   }
 }
 

@@ -36,8 +36,8 @@ TEST(Limits, SlewIsRateTimesPeriodAlongTheChange) {
   bool hit = false;
   const Wrench w = slew_limited(device(), {}, {Vec3(0, 2, 0), Vec3(0.2, 0, 0)}, 1e-3, hit);
   EXPECT_TRUE(hit);
-  EXPECT_LT((w.force - Vec3(0, 0.1, 0)).norm(), 1e-15);     // 100 N/s · 1 ms
-  EXPECT_LT((w.torque - Vec3(0.01, 0, 0)).norm(), 1e-15);   // 100 · 0.3 / 3 N·m/s · 1 ms
+  EXPECT_LT((w.force - Vec3(0, 0.1, 0)).norm(), 1e-15);    // 100 N/s · 1 ms
+  EXPECT_LT((w.torque - Vec3(0.01, 0, 0)).norm(), 1e-15);  // 100 · 0.3 / 3 N·m/s · 1 ms
 }
 
 TEST(Limits, TogetherTheyHoldForAnyRequest) {
@@ -80,11 +80,11 @@ TEST(Limits, AnyComponentThatIsNotFiniteIsSeen) {
   EXPECT_TRUE(is_finite(Wrench{}));
 }
 
-TEST(Limits, BlendStartsWhereTheForceWasAndIsOverInFiveTicks) {
+TEST(Limits, BlendGoesFromTheForceThatWasInSixEvenSteps) {
   const Wrench before{Vec3(1, 0, 0), Vec3::Zero()}, after{Vec3(0.5, 0, 0), Vec3::Zero()};
   Blend blend;
   start_blend(blend, before, after);
-  const double expected[] = {1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.5};
+  const double expected[] = {11.0 / 12, 10.0 / 12, 9.0 / 12, 8.0 / 12, 7.0 / 12, 0.5, 0.5};
   for (double f : expected) EXPECT_NEAR(blended(blend, after, 1e-3, 5e-3).force.x(), f, 1e-12);
   EXPECT_EQ(blend.left, 0);
 }
@@ -93,7 +93,7 @@ TEST(Limits, BlendFollowsTheFreshForceMeanwhile) {
   Blend blend;
   start_blend(blend, {Vec3(1, 0, 0), Vec3::Zero()}, {Vec3(0, 0, 0), Vec3::Zero()});
   blended(blend, {}, 1e-3, 5e-3);
-  EXPECT_NEAR(blended(blend, {Vec3(2, 0, 0), Vec3::Zero()}, 1e-3, 5e-3).force.x(), 2.8, 1e-12);
+  EXPECT_NEAR(blended(blend, {Vec3(2, 0, 0), Vec3::Zero()}, 1e-3, 5e-3).force.x(), 2 + 4.0 / 6, 1e-12);
 }
 
 }  // namespace
