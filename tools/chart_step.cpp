@@ -155,7 +155,7 @@ class StepRun {
 
 const std::vector<StepLens>& step_lenses() {
   static const std::vector<StepLens> lenses = {
-      {"1k", 1.4e-3, 0.6e-3}, {"5k", 0.6e-3, 0.4e-3}, {"10k", 0.45e-3, 0.3e-3}, {"20k", 0.3e-3, 0.25e-3}};
+      {"1k", 1.6e-3, 0.6e-3}, {"5k", 0.6e-3, 0.4e-3}, {"10k", 0.45e-3, 0.3e-3}, {"20k", 0.3e-3, 0.25e-3}};
   return lenses;
 }
 
