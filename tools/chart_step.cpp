@@ -96,7 +96,8 @@ class StepRun {
     for (std::size_t p = 0; p < done.parts_ms.size(); ++p)
       done.parts_ms[p] = 1e-6 * static_cast<double>(times_.ns(static_cast<StepPart>(p)));
     done.nodes = problem_->nodes;
-    done.contacts = report.contact.active;
+    done.contacts = report.contact.contacts;
+    done.active = report.contact.active;
     point_.removed += report.removed;
     point_.bases += report.bases_adopted;
     point_.uncovered_steps += report.uncovered_nodes > 0;
@@ -111,18 +112,20 @@ class StepRun {
     point_.nodes = static_cast<int>(scene_.bodies[0].mesh.nodes.size());
     point_.tets = static_cast<int>(scene_.bodies[0].mesh.tets.size());
     point_.steps = static_cast<int>(done_.size());
-    std::vector<double> ms, patch_nodes, contacts;
+    std::vector<double> ms, patch_nodes, contacts, active;
     const auto count = static_cast<double>(done_.size());
     for (const Step& s : done_) {
       ms.push_back(s.ms);
       patch_nodes.push_back(s.nodes);
       contacts.push_back(s.contacts);
+      active.push_back(s.active);
       point_.over_20ms += s.ms > 1e3 * period ? 1 / count : 0;
       point_.mean_ms += s.ms / count;
       for (std::size_t p = 0; p < s.parts_ms.size(); ++p) point_.parts_ms[p] += s.parts_ms[p] / count;
     }
     point_.patch_nodes = median(patch_nodes);
     point_.contacts = median(contacts);
+    point_.active = median(active);
     point_.base_ms_median = 1e-6 * bases_.make_time().snapshot().percentile(50);
     const Quantiles q = quantiles(ms);
     point_.step_ms_median = q.p50;
@@ -142,7 +145,7 @@ class StepRun {
   struct Step {
     double ms = 0;
     StepParts parts_ms{};
-    int nodes = 0, contacts = 0;
+    int nodes = 0, contacts = 0, active = 0;
   };
   std::vector<Step> done_;
   StepPoint point_;
@@ -152,7 +155,7 @@ class StepRun {
 
 const std::vector<StepLens>& step_lenses() {
   static const std::vector<StepLens> lenses = {
-      {"1k", 0.8e-3, 0.2e-3}, {"5k", 0.5e-3, 0.2e-3}, {"10k", 0.4e-3, 0.2e-3}, {"20k", 0.3e-3, 0.2e-3}};
+      {"1k", 1.6e-3, 0.6e-3}, {"5k", 0.6e-3, 0.4e-3}, {"10k", 0.45e-3, 0.3e-3}, {"20k", 0.3e-3, 0.25e-3}};
   return lenses;
 }
 

@@ -4,7 +4,7 @@
 // the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep bases
 // run at the daemon's cadence, a 50 Hz grid with the bases made by a thread of lowest priority; the others
 // one step after another. There is no haptic loop beside it. Friction is 0.1, geometry renewed.
-// `contacts`: with a force, friction rows each. Parts are physics/part_times.h's.
+// Contacts are samples within the margin, of friction each: three rows of W. Parts are physics/part_times.h's.
 // Units in the names.
 #pragma once
 
@@ -43,7 +43,8 @@ struct StepPoint {
   std::string model, compliance;
   int nodes = 0, tets = 0;
   int patch_nodes = 0;  // median
-  int contacts = 0;     // median
+  int contacts = 0;     // median: rows, three with friction
+  int active = 0;       // … of them with a force, median
   int removed = 0;
   int bases = 0;
   double base_ms_median = 0;  // on the other thread

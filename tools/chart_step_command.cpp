@@ -77,6 +77,7 @@ nlohmann::ordered_json to_json(const StepPoint& p) {
                                  {"compliance", p.compliance},
                                  {"patch_nodes", p.patch_nodes},
                                  {"contacts", p.contacts},
+                                 {"active", p.active},
                                  {"friction", true},
                                  {"steps", p.steps},
                                  {"removed", p.removed},
@@ -127,7 +128,7 @@ nlohmann::ordered_json largest_of(const std::vector<StepPoint>& points) {
 nlohmann::ordered_json to_json(const TickFigures& t) {
   nlohmann::ordered_json json = {{"patch_nodes", t.patch_nodes},
                                  {"contacts", t.contacts},
-                                 {"rows", t.rows},
+                                 {"active", t.active},
                                  {"friction", true},
                                  {"ticks", t.ticks},
                                  {"capped", t.capped},
@@ -221,9 +222,9 @@ int chart(Options options) {
     std::printf("residual %.1e, CHOLMOD's %.1e\n", f.own_residual, f.cholmod_residual);
   }
   if (ticks) {
-    Table table = {{"haptic tick: patch, rows, contacts", std::to_string(tick.patch_nodes) + ", " +
-                                                              std::to_string(tick.rows) + ", " +
-                                                              std::to_string(tick.contacts)},
+    Table table = {{"haptic tick: patch, contacts, active", std::to_string(tick.patch_nodes) + ", " +
+                                                              std::to_string(tick.contacts) + ", " +
+                                                              std::to_string(tick.active)},
                    {"p50, p99, max", fixed(tick.us_median, 0) + ", " + fixed(tick.us_p99, 0) + ", " +
                                          fixed(tick.us_max, 0) + " us"}};
     for (std::size_t k = 0; k < tick.parts_us.size(); ++k)

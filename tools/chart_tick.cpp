@@ -51,7 +51,7 @@ TickFigures chart_tick(const TickSettings& settings, const std::function<bool(do
   options.contact.times = &times;
   const auto state = std::make_unique<HapticState>();
   TickFigures figures;
-  std::vector<double> us, nodes, contacts, rows;
+  std::vector<double> us, nodes, contacts, active;
   HapticInput input;
   input.presence.connected = true;
   input.sample.enable = true;
@@ -84,8 +84,8 @@ TickFigures chart_tick(const TickSettings& settings, const std::function<bool(do
       if (k < warm_up) continue;
       us.push_back(1e-3 * static_cast<double>(spent));
       nodes.push_back(problem->nodes);
-      contacts.push_back(answer.active);
-      rows.push_back(answer.contacts);
+      contacts.push_back(answer.contacts);
+      active.push_back(answer.active);
       figures.capped += (answer.status & status_solver_cap) != 0;
       for (std::size_t p = 0; p < figures.parts_us.size(); ++p)
         figures.parts_us[p] += 1e-3 * static_cast<double>(times.ns(static_cast<ContactPart>(p)));
@@ -101,7 +101,7 @@ TickFigures chart_tick(const TickSettings& settings, const std::function<bool(do
   figures.us_max = q.max;
   figures.patch_nodes = median(std::move(nodes));
   figures.contacts = median(std::move(contacts));
-  figures.rows = median(std::move(rows));
+  figures.active = median(std::move(active));
   return figures;
 }
 

@@ -2,8 +2,8 @@
 //
 // The lens of the published size, co-rotational, `exact`, under a travelling tip (travelling_tip.h), friction
 // 0.1, geometry renewed; twenty ticks a step, each from 10 ms after the step's begin on, in one thread and
-// virtual time, so that nothing waits. No deadline: what a tick takes is what it takes. Contacts are those
-// with a force, rows those within the margin; both count three rows each in W.
+// virtual time, so that nothing waits. No deadline: what a tick takes is what it takes. Contacts are samples
+// within the margin, of friction each: three rows of W; active are those with a force.
 // Units in the names.
 #pragma once
 
@@ -17,7 +17,7 @@ namespace hapticd {
 using ContactParts = std::array<double, static_cast<std::size_t>(ContactPart::count)>;
 
 struct TickFigures {
-  int patch_nodes = 0, contacts = 0, rows = 0;  // medians
+  int patch_nodes = 0, contacts = 0, active = 0;  // medians
   int ticks = 0, capped = 0;
   double us_median = 0, us_p99 = 0, us_max = 0, us_mean = 0;
   ContactParts parts_us{};  // means; `rest` has what is around the contact solve too
@@ -25,7 +25,7 @@ struct TickFigures {
 
 struct TickSettings {
   double alarm_distance = 0.8e-3;
-  double sample_spacing = 0.115e-3;  // for 30 contacts
+  double sample_spacing = 0.18e-3;  // for thirty contacts or so
   int steps = 400;
 };
 

@@ -18,7 +18,7 @@
 namespace hapticd {
 
 struct TipSettings {
-  double speed = 6e-3;  // [m/s]
+  double speed = 3e-3;  // [m/s]
   double depth = 0.3e-3;
 };
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -106,7 +107,9 @@ class ExactCompliance final : public Compliance {
 
   ComplianceReport report() override {
     require_factor();
-    if (reported_) return report_;  // nothing has changed since the sample
+    // Nothing has changed since the sample, or the next is not due yet.
+    if (reported_ || ++since_sample_ < options_.sample_every) return report_;
+    since_sample_ = 0;
     const SampledError sampled = sample_error(*this, matrix_);
     report_.residual = sampled.residual;
     report_.error = sampled.error;
@@ -125,6 +128,7 @@ class ExactCompliance final : public Compliance {
   bool constant_;  // A follows removals alone
   bool reported_ = false;
   ComplianceReport report_;
+  int since_sample_ = std::numeric_limits<int>::max() / 2;  // reports
   int removed_at_factor_ = 0;
   std::vector<std::uint8_t> fixed_;
   NodeGraph graph_;

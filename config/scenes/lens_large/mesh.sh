@@ -8,5 +8,5 @@ make_lens() {
     ../cataract/lens.geo
 }
 make_lens lens_5k 0.352 0.273
-make_lens lens_10k 0.2853 0.2213
+make_lens lens_10k 0.2785 0.2160
 make_lens lens_20k 0.2104 0.1647

@@ -63,8 +63,10 @@ TEST(FrontPlan, SquaresThatLiveTogetherDoNotOverlapAndChunksKeepTheirUnknowns) {
           EXPECT_EQ(chunk.row % row_multiple, 0);
           EXPECT_EQ(chunk.from, covered);
           for (int bit = 0; bit < row_multiple; ++bit)
-            if ((chunk.mask >> bit & 1) != 0)
-              EXPECT_EQ(plan.below[from.below + covered++], unknown(plan, front, chunk.row + bit));
+            if ((chunk.mask >> bit & 1) != 0) {
+              EXPECT_EQ(plan.below[from.below + covered], unknown(plan, front, chunk.row + bit));
+              ++covered;
+            }
         }
         EXPECT_EQ(covered, from.size - from.width);
       }

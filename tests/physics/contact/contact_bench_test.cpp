@@ -3,6 +3,7 @@
 //   test_physics --gtest_also_run_disabled_tests --gtest_filter='ContactBench.*'
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -39,7 +40,7 @@ struct Pressed {
   }
   void move(int k) {
     Pose X;
-    X.p = Vec3(0.2e-3 * std::sin(0.3 * k), 0.2e-3 * std::cos(0.2 * k), 1.2e-3);
+    X.p = Vec3(0.2e-3 * std::sin(0.3 * k), 0.2e-3 * std::cos(0.2 * k), 1.75e-3);
     solution = solve_contact(*problem, instrument, X, 1e-3, options, state, *scratch);
   }
 
