@@ -114,10 +114,12 @@ export class Instrument {
 
   // Nobody holds it.
   ghost(on) {
+    if (this.steel.transparent === on) return false;
     this.steel.transparent = on;
     this.steel.opacity = on ? 0.22 : 1;
     this.steel.depthWrite = !on;
     this.steel.needsUpdate = true;
+    return true;
   }
 
   recolour() { this.ink.color.set(variable('--accent')); }
