@@ -281,7 +281,8 @@ void Diagnostics::publish_status() {
   m.scene = const_cast<char*>(scene_.name.c_str());
   m.refused = const_cast<char*>(refused_.c_str());
   status_.write(m);
-  if (health_.heard()) health_.publish(statistics_.wake.snapshot(), statistics_.solve.snapshot(), snapshot.health);
+  if (health_.heard())
+    health_.publish(statistics_.wake.snapshot(), statistics_.solve.snapshot(), snapshot.health);
   if (bag_) bag_->push(diagnostic_of(m, now));
 }
 

@@ -193,9 +193,7 @@ void DeviceClient::sender(SlotSource& source) noexcept {
     stage_.store(Stage::ended);
 }
 
-bool DeviceClient::over() const noexcept {
-  return interrupted() || leaving_.load(std::memory_order_relaxed);
-}
+bool DeviceClient::over() const noexcept { return interrupted() || leaving_.load(std::memory_order_relaxed); }
 
 void DeviceClient::wait_for_daemon() {
   const auto until = monotonic_ns() + static_cast<std::int64_t>(1e9 * settings_.match_timeout);

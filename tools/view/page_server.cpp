@@ -76,6 +76,7 @@ class PageServer::Running::Viewer : public std::enable_shared_from_this<Viewer> 
     timeout.keep_alive_pings = true;
     stream_.set_option(timeout);
     stream_.read_message_max(largest_text);
+    stream_.auto_fragment(false);
     Error ignored;
     beast::get_lowest_layer(stream_).socket().set_option(asio::socket_base::send_buffer_size(send_buffer),
                                                          ignored);

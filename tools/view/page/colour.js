@@ -17,6 +17,6 @@ export const css = ([r, g, b]) => `rgb(${Math.round(255 * r)} ${Math.round(255 *
 export const TISSUE = [0.86, 0.74, 0.65];
 export const CUT_FACE = [0.835, 0.369, 0.0];
 export const LOOSE_PIECE = [0.941, 0.894, 0.259];
-export const STEEL = [0.62, 0.66, 0.70];
+export const STEEL = [0.60, 0.64, 0.69];
 
 export const variable = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

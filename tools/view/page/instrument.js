@@ -1,6 +1,7 @@
 // The instrument as its primitives, the places where it touches, and the forces that it feels there.
 import * as THREE from './vendor/three.module.min.js';
 import { STEEL, variable } from './colour.js';
+import { matter } from './material.js';
 
 const MOST_CONTACTS = 128;
 
@@ -15,7 +16,7 @@ export class Instrument {
   constructor() {
     this.group = new THREE.Group();
     this.body = new THREE.Group();
-    this.steel = new THREE.MeshPhongMaterial({ color: new THREE.Color().setRGB(...STEEL, THREE.SRGBColorSpace), shininess: 70, specular: 0x777777 });
+    this.steel = matter(STEEL, 0.22);
     const accent = { color: 0x1f6fb2, depthTest: false, transparent: true };
     this.ink = new THREE.MeshBasicMaterial(accent);
     const unit = new THREE.CylinderGeometry(1, 1, 1, 10).translate(0, 0.5, 0);
@@ -114,10 +115,12 @@ export class Instrument {
 
   // Nobody holds it.
   ghost(on) {
+    if (this.steel.transparent === on) return false;
     this.steel.transparent = on;
-    this.steel.opacity = on ? 0.22 : 1;
+    this.steel.uniforms.opacity.value = on ? 0.22 : 1;
     this.steel.depthWrite = !on;
     this.steel.needsUpdate = true;
+    return true;
   }
 
   recolour() { this.ink.color.set(variable('--accent')); }

@@ -67,10 +67,9 @@ function take(message) {
       break;
     case 'status':
       strip.takeStatus(message);
-      instrument.ghost(Boolean((message.devices[0]?.status ?? 1) & 1));
+      if (instrument.ghost(Boolean((message.devices[0]?.status ?? 1) & 1))) stage.touch();
       name(message);
       banner();
-      stage.touch();
       return;
     case 'health': strip.takeHealth(message); hand.setMap(message); return;
     case 'timeline': recorded = true; timeline.take(message); return;

@@ -1,7 +1,8 @@
-// Camera, light and the loop that draws: only when something changed, and with fewer pixels before fewer frames.
+// Camera, and the loop that draws: only when something changed, and with fewer pixels before fewer frames.
 import * as THREE from './vendor/three.module.min.js';
 import { OrbitControls } from './vendor/OrbitControls.js';
 import { variable } from './colour.js';
+import { drawnBySoftware } from './material.js';
 
 const SLOW_MS = 30, FAST_MS = 12;
 const LEAST_RATIO = 0.6;
@@ -9,15 +10,10 @@ const LEAST_RATIO = 0.6;
 export class Stage {
   constructor(canvas) {
     this.canvas = canvas;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: 'high-performance' });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawnBySoftware(), powerPreference: 'high-performance' });
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 1e-4, 10);
     this.camera.up.set(0, 0, 1);
-    // Lights go with the camera: what is looked at is lit.
-    this.camera.add(this.light(0xffffff, 2.0, [-0.6, 0.9, 1]), this.light(0xdfe8ff, 0.7, [1.2, -0.2, 0.6]));
-    this.ambient = new THREE.HemisphereLight(0xffffff, 0xa39a90, 1.25);
-    this.ambient.position.set(0, 0, 1);
-    this.scene.add(this.camera, this.ambient);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
     this.controls.addEventListener('change', () => this.touch());
@@ -30,12 +26,6 @@ export class Stage {
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
     requestAnimationFrame(() => this.frame());
-  }
-
-  light(colour, intensity, place) {
-    const light = new THREE.DirectionalLight(colour, intensity);
-    light.position.set(...place);
-    return light;
   }
 
   touch() { this.dirty = true; }

@@ -6,25 +6,10 @@
 import * as THREE from './vendor/three.module.min.js';
 import { CUT, LOOSE } from './protocol.js';
 import { CUT_FACE, LOOSE_PIECE, TISSUE, cividis } from './colour.js';
+import { glass, matter } from './material.js';
 
 // The least that the whole map stands for [m, –]: below it, it would show rounding.
 const LEAST = { displacement: 1e-4, strain: 0.02 };
-
-const linear = rgb => new THREE.Color().setRGB(...rgb, THREE.SRGBColorSpace);
-
-// Glass: seen at its rim.
-function shellMaterial(rgb) {
-  return new THREE.ShaderMaterial({
-    transparent: true, depthWrite: false, side: THREE.DoubleSide,
-    uniforms: { colour: { value: new THREE.Color().setRGB(...rgb) }, strength: { value: 1 } },
-    vertexShader: `varying vec3 n; varying vec3 v;
-      void main() { vec4 p = modelViewMatrix * vec4(position, 1.0); v = -p.xyz; n = normalMatrix * normal;
-        gl_Position = projectionMatrix * p; }`,
-    fragmentShader: `uniform vec3 colour; uniform float strength; varying vec3 n; varying vec3 v;
-      void main() { float rim = 1.0 - abs(dot(normalize(n), normalize(v)));
-        gl_FragColor = vec4(colour, strength * (0.045 + 0.42 * rim * rim * rim)); }`,
-  });
-}
 
 export class Tissue {
   constructor(info) {
@@ -32,8 +17,8 @@ export class Tissue {
     this.glassy = !info.deformable || info.shell;
     this.group = new THREE.Group();
     this.geometry = new THREE.BufferGeometry();
-    this.solid = new THREE.MeshPhongMaterial({ vertexColors: true, shininess: 26, specular: 0x2a2622, side: THREE.DoubleSide });
-    this.glass = shellMaterial(info.deformable ? [0.55, 0.68, 0.74] : [0.5, 0.56, 0.62]);
+    this.solid = matter();
+    this.glass = glass(info.deformable ? [0.55, 0.68, 0.74] : [0.5, 0.56, 0.62]);
     this.mesh = new THREE.Mesh(this.geometry, this.glassy ? this.glass : this.solid);
     this.lines = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ transparent: true, opacity: 0.28 }));
     this.lines.visible = false;
@@ -154,13 +139,11 @@ export class Tissue {
   paint() {
     if (this.glassy || !this.vertexNode) return;
     const colour = this.geometry.attributes.color, c = colour.array;
-    const whole = linear(TISSUE), cut = linear(CUT_FACE), loose = linear(LOOSE_PIECE);
     const value = this.scalar();
-    const scratch = new THREE.Color();
     for (let v = 0; v < this.vertexNode.length; ++v) {
-      let of = this.vertexSide[v] & LOOSE ? loose : this.vertexSide[v] & CUT ? cut : whole;
-      if (value) of = scratch.setRGB(...cividis(value(this.vertexNode[v])), THREE.SRGBColorSpace);
-      c[3 * v] = of.r; c[3 * v + 1] = of.g; c[3 * v + 2] = of.b;
+      const of = value ? cividis(value(this.vertexNode[v]))
+        : this.vertexSide[v] & LOOSE ? LOOSE_PIECE : this.vertexSide[v] & CUT ? CUT_FACE : TISSUE;
+      c[3 * v] = of[0]; c[3 * v + 1] = of[1]; c[3 * v + 2] = of[2];
     }
     colour.needsUpdate = true;
   }
