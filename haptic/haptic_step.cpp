@@ -56,7 +56,11 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
-  const CondensedProblem& now = at_tick(problem, options.viscous, period, s.patch);
+  // Tissue gives way from the instant in which elements went, not from the tick before.
+  const bool removal = problem.topology_changed && problem.step != s.patch.step;
+  const double since = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
+  const CondensedProblem& now =
+      at_tick(problem, options.viscous, removal ? std::clamp(since, 0.0, period) : period, s.patch);
   const ContactSolution& solution = s.solution =
       solve_contact(now, instrument, X, period, contact, s.contact, s.scratch);
   s.solved = true;
