@@ -58,7 +58,11 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
-  const CondensedProblem& now = at_tick(problem, options.viscous, period, s.patch);
+  // Tissue gives way from the instant in which elements went, not from the tick before.
+  const bool removal = problem.topology_changed && problem.step != s.patch.step;
+  const double since = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
+  const CondensedProblem& now =
+      at_tick(problem, options.viscous, removal ? std::clamp(since, 0.0, period) : period, s.patch);
   // A problem that the instrument has outrun is met where it was made, and on the way from there.
   if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
     const Vec6 way = difference(X, problem.X_ref);

@@ -105,6 +105,7 @@ void SimulationLoop::count(const StepReport& report) {
   SimulationStatistics& s = statistics_;
   s.steps.fetch_add(1, std::memory_order_relaxed);
   s.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
+  s.late_removals.fetch_add(report.removed > 0 && !report.interim, std::memory_order_relaxed);
   s.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated), std::memory_order_relaxed);
   s.bases.fetch_add(static_cast<std::uint64_t>(report.bases_adopted), std::memory_order_relaxed);
   bool degraded = false;
@@ -124,8 +125,14 @@ void SimulationLoop::step() {
   const std::int64_t begin = monotonic_ns();
   times_.start();
   adopt_bases();
+  const auto publish_interim = [this, begin]() -> CondensedProblem& {
+    problems_.back().published_ns = monotonic_ns();
+    problems_.publish();
+    statistics_.interim.record(monotonic_ns() - begin);
+    return problems_.back();
+  };
+  const StepReport report = world_.step([this] { return latest(); }, problems_.back(), publish_interim);
   CondensedProblem& problem = problems_.back();
-  const StepReport report = world_.step([this] { return latest(); }, problem);
   if (poisoned_.exchange(false, std::memory_order_relaxed))
     for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
   problem.published_ns = monotonic_ns();

@@ -1,7 +1,8 @@
 // The simulation thread: a world stepped at the scene's rate, its problems published to the haptic loop.
 //
-//   every 1/rate:  adopt the bases that are ready → world.step (latching the newest instrument) → publish
-//                  problem → ask for the bases that are wanted → snapshot for display
+//   every 1/rate:  adopt the bases that are ready → world.step (latching the newest instrument; where
+//                  something goes, an interim problem is published within it) → publish problem → ask for
+//                  the bases that are wanted → snapshot for display
 //
 // Time: an absolute grid on CLOCK_MONOTONIC; a step that ends late leaves the passed grid points out
 // (`overruns` counts them) and simulation time falls behind real time by as much.
@@ -27,7 +28,9 @@
 namespace hapticd {
 
 struct SimulationStatistics {
-  Histogram step;  // compute time of a step, bases adopted and asked for included
+  Histogram step;     // compute time of a step, bases adopted and asked for included
+  Histogram interim;  // from a step's begin to the publication of its interim problem
+  std::atomic<std::uint64_t> late_removals{0};  // steps that removed something and had none
   std::atomic<std::uint64_t> steps{0};
   std::atomic<std::uint64_t> overruns{0};   // grid points left out
   std::atomic<std::uint64_t> removed{0};    // tetrahedra

@@ -121,6 +121,12 @@ nlohmann::json Station::summary() const {
   j["sim_steps"] = s.steps.load();
   j["sim_overruns"] = s.overruns.load();
   j["sim_step_ms"] = milliseconds(step);
+  // From the begin of a step that removes something to the problem without it.
+  if (const HistogramSnapshot interim = s.interim.snapshot(); interim.count > 0) {
+    j["interim_problems"] = interim.count;
+    j["interim_ms"] = milliseconds(interim);
+  }
+  j["removals_without_interim"] = s.late_removals.load();
   j["elements_removed"] = s.removed.load();
   j["fragments_aspirated"] = s.aspirated.load();
   if (s.bases + s.bases_failed > 0) {

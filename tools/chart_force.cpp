@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 
 #include "tools/reference_cache.h"
 
@@ -12,6 +13,7 @@ namespace {
 
 constexpr double longest_step = 1e-3;     // of a reference [s]
 constexpr double shortest_step = 250e-6;  // … whose half is the last that is tried
+constexpr double shortest_with_removals = 125e-6;
 
 // Pieces of work by about how long they take, for the progress bar.
 class Work {
@@ -74,9 +76,15 @@ Reference reference_of(const Scene& scene, const OfflineInput& input, double sho
   return r;
 }
 
-// The same removals, each as late as a problem that has it comes into use.
-OfflineInput removed_when_published(OfflineInput input) {
-  for (RemovalEvent& e : input.removals) e.t += OfflineOptions{}.publish_after;
+// How much later than scheduled a problem without what goes comes into use [s].
+double felt_after(const OfflineOptions& o) {
+  return (o.interim_after && o.rendering == Rendering::solved ? *o.interim_after : o.publish_after) -
+         removal_lead;
+}
+
+// The same removals, each as late as that.
+OfflineInput removed_after(OfflineInput input, double delay) {
+  for (RemovalEvent& e : input.removals) e.t += delay;
   return input;
 }
 
@@ -173,9 +181,11 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   for (const std::filesystem::path& file : recordings)
     for (const int per_step : removals) {
       Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
-      if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
+      if (per_step > 0) {
+        job.input.removals = record_removals(scene, job.input, per_step);
+      }
       const double span = job.input.to - job.input.from + job.input.settle;
-      whole += (per_step > 0 ? 30 : 15) * span / longest_step * step_weight(scene);
+      whole += (per_step > 0 ? 90 : 15) * span / longest_step * step_weight(scene);
       for (const ForceConfiguration* c : chosen)
         whole += span * c->rate.value_or(scene.rate) * step_weight(scene);
       jobs.push_back(std::move(job));
@@ -189,11 +199,16 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   Work work(progress, whole);
   for (const Job& job : jobs) {
     const std::string what = job.trajectory + (job.removals > 0 ? " with removals" : "");
-    const Reference own = reference_of(scene, job.input, shortest_step, settings, what, work);
-    Reference finest_reference, felt;
-    if (job.removals > 0 && work.goes_on())
-      felt = reference_of(scene, removed_when_published(job.input), shortest_step, settings, what + " felt",
-                          work);
+    const double shortest = job.removals > 0 ? shortest_with_removals : shortest_step;
+    const Reference own = reference_of(scene, job.input, shortest, settings, what, work);
+    Reference finest_reference;
+    std::map<double, Reference> felt;  // by delay
+    if (job.removals > 0) felt[0] = own;
+    for (const ForceConfiguration* c : chosen)
+      if (const double delay = felt_after(c->options);
+          job.removals > 0 && c->meshes.empty() && work.goes_on() && !felt.contains(delay))
+        felt[delay] =
+            reference_of(scene, removed_after(job.input, delay), shortest, settings, what + " felt", work);
     const bool space_here = in_space && &job == &jobs[0];
     if (space_here)
       finest_reference =
@@ -205,9 +220,13 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     run.removed = own.run.removed;
     run.half_step_rel = own.half_step_rel;
     run.reference_step = own.step;
-    run.felt_half_step_rel = felt.half_step_rel;
-    run.inverted = own.inverted + felt.inverted;
-    run.converged = own.converged && (job.removals == 0 || felt.converged);
+    run.inverted = own.inverted;
+    run.converged = own.converged;
+    for (const auto& [delay, reference] : felt) {
+      run.felt_half_step_rel = std::max(run.felt_half_step_rel, reference.half_step_rel);
+      run.inverted += reference.inverted;
+      run.felt_converged = run.felt_converged && reference.converged;
+    }
     run.reference_cpu_s = own.run.simulation.total;
     run.reference = own.run.ticks;
     for (const ForceConfiguration* c : chosen) {
@@ -228,7 +247,7 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       p.removals = job.removals;
       p.error = force_error(result.ticks, truth.run.ticks);
       p.reference_converged = c->meshes.empty() ? run.converged : other.converged;
-      if (job.removals > 0) p.felt = force_error(result.ticks, felt.run.ticks);
+      if (job.removals > 0) p.felt = force_error(result.ticks, felt[felt_after(c->options)].run.ticks);
       if (space_here) {
         p.space_rms_rel = force_error(truth.run.ticks, finest_reference.run.ticks).rms_rel;
         p.whole_rms_rel = force_error(result.ticks, finest_reference.run.ticks).rms_rel;

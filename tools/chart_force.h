@@ -1,12 +1,12 @@
 // Speed against accuracy of a scene's force: what every choice of the daemon costs, and what it buys.
 //
 //   for each trajectory, without removals and with: reference (of 1 ms, halved until half its step agrees, to
-//   0.125 ms at most), every configuration
+//   0.125 ms at most, with removals 0.0625), every configuration
 //   error   of each against the reference of its own mesh: time, coupling and solver (force_error.h)
 //   space   where the table names a finest mesh: reference of the own mesh against the finest's, and the
 //   whole cost    CPU time per second of scene, of each thread; 99th percentile of the haptic step; memory
 //   felt    with removals also: against a reference that loses each element when the problem without it comes
-//           into use, 10 ms after the step that took it began. `error` has that delay in it.
+//           into use, so long after the step that took it began. `error` has that delay in it.
 //   front   of converged points of one run: nothing else is both cheaper and more accurate
 //
 // A run counts only where its reference converged (force_error.h); other points say so and are kept.
@@ -54,9 +54,10 @@ struct ForceRun {
   std::string trajectory;
   int removals = 0;
   int removed = 0;
-  double half_step_rel = 0;   // RMS of the reference's step against its half, to the peak
-  double reference_step = 0;  // [s]
-  double felt_half_step_rel = 0;
+  double half_step_rel = 0;       // RMS of the reference's step against its half, to the peak
+  double reference_step = 0;      // [s]
+  double felt_half_step_rel = 0;  // of the worst
+  bool felt_converged = true;
   int inverted = 0;
   bool converged = false;
   double reference_cpu_s = 0;

@@ -81,7 +81,8 @@ nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
                             {"felt_half_step_rms_rel", run.felt_half_step_rel},
                             {"inverted", run.inverted},
                             {"reference_cpu_s", rounded(run.reference_cpu_s, 2)},
-                            {"reference_converged", run.converged}});
+                            {"reference_converged", run.converged},
+                            {"felt_reference_converged", run.felt_converged}});
   json["points"] = nlohmann::ordered_json::array();
   for (const ForcePoint& p : chart.points) json["points"].push_back(to_json(p));
   json["notes"] = chart.notes;
@@ -140,9 +141,11 @@ std::string to_csv(const ForceChart& chart) {
 void print_chart(const ForceChart& chart) {
   for (const ForceRun& run : chart.runs) {
     std::printf("%s, %d removals per 20 ms: half of %g ms differs by %.2f %%, %d inverted%s\n",
-                run.trajectory.c_str(), run.removals, 1e3 * run.reference_step,
-                100 * std::max(run.half_step_rel, run.felt_half_step_rel), run.inverted,
-                run.converged ? "" : ": REFERENCE NOT CONVERGED");
+                run.trajectory.c_str(), run.removals, 1e3 * run.reference_step, 100 * run.half_step_rel,
+                run.inverted, run.converged ? "" : ": REFERENCE NOT CONVERGED");
+    if (run.removals > 0)
+      std::printf("  references that lose elements when it is published: half differs by %.2f %%%s\n",
+                  100 * run.felt_half_step_rel, run.felt_converged ? "" : ": NOT CONVERGED");
     std::printf("  %-34s %9s %8s %8s %8s %8s %9s %7s\n", "", "CPU ms/s", "p99 µs", "RMS %", "max %", "jump %",
                 "buzz mN", "front");
     for (const ForcePoint& p : chart.points) {

@@ -40,9 +40,10 @@ nlohmann::ordered_json words_of(const YAML::Node& node) {
 }
 
 ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
-  y.only({"label", "quick", "rate", "compliance", "warping", "contact", "corotational", "friction",
-          "rendering", "newest_pose", "fresh_free_motion", "lead", "viscous", "linearisations", "tolerance", "sweeps",
-          "blend", "base_after", "meshes"});
+  y.only(
+      {"label",     "quick",     "rate",        "compliance",        "warping", "contact", "corotational",
+       "friction",  "rendering", "newest_pose", "fresh_free_motion", "lead",    "viscous", "linearisations",
+       "tolerance", "sweeps",    "blend",       "base_after",        "interim", "meshes"});
   ForceConfiguration c;
   c.label = y.text("label");
   c.quick = y.flag("quick", false);
@@ -69,6 +70,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   if (y.has("sweeps")) c.options.sweeps_only = y.whole("sweeps", 1, 100000);
   if (y.has("blend")) c.options.blend_time = y.number("blend", positive);
   if (y.has("base_after")) c.options.base_after = y.number("base_after", positive);
+  if (!y.flag("interim", true)) c.options.interim_after.reset();
   if (raw["meshes"]) c.meshes = read_meshes(raw["meshes"], y.folder());
   c.words = words_of(raw);
   return c;

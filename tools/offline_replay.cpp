@@ -17,7 +17,7 @@ namespace {
 constexpr std::int64_t ms = 1'000'000;
 constexpr std::int64_t first_ns = 1'000 * ms;  // of tick 0; 0 would mean "never" to the watchdog
 constexpr std::int64_t state_age_ns = ms / 2, base_after_ns = 40 * ms;
-constexpr std::int64_t latch_after_ns = 6 * ms, publish_after_ns = 10 * ms;
+constexpr std::int64_t interim_after_ns = 2 * ms, publish_after_ns = 10 * ms;
 constexpr std::int64_t slots_before_enable = 50, arming_slots = 250;
 
 InstrumentSample sample_of(const InstrumentInput& i) {
@@ -30,7 +30,8 @@ class Simulation {
   explicit Simulation(const Scene& scene)
       : world_(make_world(scene)),
         period_ns_(std::llround(1e9 / scene.rate)),
-        latch_ns_(std::clamp<std::int64_t>(latch_after_ns, 0, std::max<std::int64_t>(0, period_ns_ - ms))),
+        latch_ns_(std::clamp<std::int64_t>(scene.contact == Renewal::renewed ? ms : 6 * ms, 0,
+                                           std::max<std::int64_t>(0, period_ns_ - ms))),
         publish_ns_(std::min(publish_after_ns, period_ns_)),
         inputs_(static_cast<std::size_t>(period_ns_ / ms + 2)) {
     if (period_ns_ < ms) throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
@@ -46,9 +47,15 @@ class Simulation {
   // True if another problem is in use from tick `i` on.
   bool advance(std::int64_t i) {
     const std::int64_t begin = steps_ * period_ns_;
-    if (begin + publish_ns_ > i * ms) return false;
-    step(begin);
+    if (!stepped_ && begin + std::min(publish_ns_, std::max(latch_ns_, interim_after_ns)) <= i * ms) {
+      step(begin);
+      if (report_.interim) in_use_->published_ns = first_ns + i * ms;
+      stepped_ = true;
+    }
+    if (!stepped_ || begin + publish_ns_ > i * ms) return false;
+    std::swap(in_use_, next_);
     in_use_->published_ns = first_ns + i * ms;
+    stepped_ = false;
     ++steps_;
     return true;
   }
@@ -74,7 +81,11 @@ class Simulation {
       world_->adopt(std::move(bases_.front().job));
     bool latched = false;
     report_ =
-        world_->step([&] { return at(std::exchange(latched, true) ? begin + latch_ns_ : begin); }, *in_use_);
+        world_->step([&] { return at(std::exchange(latched, true) ? begin + latch_ns_ : begin); }, *next_,
+                     [&]() -> CondensedProblem& {
+                       std::swap(in_use_, next_);
+                       return *next_;
+                     });
     for (BaseJob& job : world_->wanted_bases()) {
       try {
         job.base->make();
@@ -86,7 +97,9 @@ class Simulation {
   }
 
   std::unique_ptr<World> world_;
-  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
+  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>(),
+                                    next_ = std::make_unique<CondensedProblem>();
+  bool stepped_ = false;  // step `steps_` was made: its problem is `next_`
   const std::int64_t period_ns_, latch_ns_, publish_ns_;
   std::vector<InstrumentInput> inputs_;  // of the newest ticks, a period's and one more
   std::int64_t steps_ = 0;

@@ -5,9 +5,8 @@
 //   tick 250,
 //                before it the first pose is held, 50 ms without `enable`, as a client does (client.h)
 //   simulation   step k begins at k h and takes the instrument as the tick before left it, latches it again
-//   at
-//                k h + 6 ms, and its problem is in use from k h + 10 ms on: the daemon's medians
-//                (offline_run.h)
+//                at k h + 1 ms (6 ms with frozen rows), its problem is in use from k h + 10 ms on, and where
+//                something goes, an interim one from k h + 2 ms on: the daemon's medians (offline_run.h)
 //   bases        made at once, adopted before the first step that begins 40 ms later
 //
 // Solves are bounded by counts, never by time, and a scene with `model: auto` keeps what it pins and the

@@ -62,9 +62,12 @@ class Removals {
  public:
   explicit Removals(const RemovalSchedule& schedule) : schedule_(schedule) {}
 
-  void apply_until(double t, World& world) {
+  // True if something goes.
+  bool apply_until(double t, World& world) {
+    const std::size_t before = next_;
     for (; next_ < schedule_.size() && schedule_[next_].t <= t + instant; ++next_)
       world.schedule_removal(schedule_[next_].body, schedule_[next_].tets);
+    return next_ > before;
   }
 
  private:
@@ -87,10 +90,12 @@ class Simulation {
     if (options.lead) settings.lead = *options.lead * h_;
     const bool ahead = settings.lead > 0 && settings.contact == Renewal::renewed && options.fresh_free_motion;
     latch_ = std::min(options.latch_after.value_or(ahead ? 1e-3 : 6e-3), h_ - tick);
+    removal_latch_ = std::min(4e-3, h_ - tick);
     if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;
     world_ = make_world(scene, settings);
     // As the daemon does before its clock starts.
     world_->step([] { return InstrumentSample{}; }, *in_use_);
+    interims_ = options.interim_after && options.rendering == Rendering::solved;
     begin_ = input.from - input.settle;
   }
 
@@ -98,12 +103,19 @@ class Simulation {
   bool advance(double t) {
     bool swapped = false;
     const double publish = std::min(options_.publish_after, h_);
-    while (begin_ + publish <= t + instant) {
-      step(begin_);
-      begin_ = input_.from - input_.settle + static_cast<double>(++count_) * h_;
+    const double interim = interims_ ? std::min(*options_.interim_after, publish) : publish;
+    for (;;) {
+      if (!stepped_ && begin_ + interim <= t + instant) {
+        swapped = step(begin_) || swapped;
+        stepped_ = true;
+      }
+      if (!stepped_ || begin_ + publish > t + instant) return swapped;
+      std::swap(in_use_, next_);
+      in_use_->published_ns = in_ns(begin_ + publish);
       swapped = true;
+      stepped_ = false;
+      begin_ = input_.from - input_.settle + static_cast<double>(++count_) * h_;
     }
-    return swapped;
   }
 
   const World& world() const { return *world_; }
@@ -117,15 +129,25 @@ class Simulation {
     BaseJob job;
   };
 
-  void step(double t) {
+  // True if an interim problem is in use now; `next_` is for later.
+  bool step(double t) {
     const bool counts = t >= input_.from - instant;
     adopt_bases(t);
-    removals_.apply_until(t, *world_);
+    const double latch =
+        removals_.apply_until(t + removal_lead, *world_) ? std::max(latch_, removal_latch_) : latch_;
     bool latched = false;
+    const double begun = cpu_seconds();
+    const std::function<CondensedProblem&()> interim = [&]() -> CondensedProblem& {
+      if (counts) result_.interim.work.push_back(cpu_seconds() - begun);
+      std::swap(in_use_, next_);
+      in_use_->published_ns = in_ns(t + std::min(*options_.interim_after, options_.publish_after));
+      return *next_;
+    };
     {
       const Cost cost(result_.simulation, counts);
-      report_ = world_->step(
-          [&] { return instrument_at(input_, std::exchange(latched, true) ? t + latch_ : t); }, *in_use_);
+      report_ =
+          world_->step([&] { return instrument_at(input_, std::exchange(latched, true) ? t + latch : t); },
+                       *next_, interims_ ? interim : nullptr);
     }
     for (BaseJob& job : world_->wanted_bases()) {
       const Cost cost(result_.bases, counts);
@@ -138,10 +160,16 @@ class Simulation {
     }
     result_.removed += report_.removed;
     result_.inverted = std::max(result_.inverted, inverted_tets(world_->bodies()));
-    result_.dropped_samples = std::max(result_.dropped_samples, in_use_->dropped_samples);
+    result_.dropped_samples = std::max(result_.dropped_samples, next_->dropped_samples);
     result_.capped += report_.contact.status != SolveStatus::solved;
     result_.memory_bytes = std::max(
         result_.memory_bytes, compliance_bytes(report_) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
+    return report_.interim;
+  }
+
+  // Of the haptic loop's clock.
+  std::int64_t in_ns(double t) const {
+    return first_ns + std::llround(1e9 * (t - input_.from + input_.settle));
   }
 
   void adopt_bases(double t) {
@@ -155,10 +183,14 @@ class Simulation {
   Removals removals_;
   const double h_;
   double latch_ = 0;
-  double begin_ = 0;  // of the step to come [s]
+  double removal_latch_ = 0;  // where the factor comes first
+  double begin_ = 0;          // of the step to come [s]
   std::int64_t count_ = 0;
   std::unique_ptr<World> world_;
   std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
+  std::unique_ptr<CondensedProblem> next_ = std::make_unique<CondensedProblem>();
+  bool interims_ = true;
+  bool stepped_ = false;  // `next_` is of the step that begins at `begin_`
   StepReport report_;
   std::deque<Base> bases_;
 };
@@ -359,7 +391,7 @@ RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, i
       std::vector<int> gone;
       for (std::size_t e = 0; e < now.size(); ++e)
         if (alive[b][e] && !now[e]) gone.push_back(static_cast<int>(e));
-      if (!gone.empty()) schedule.push_back({t, static_cast<int>(b), gone});
+      if (!gone.empty()) schedule.push_back({t + removal_lead, static_cast<int>(b), gone});
       alive[b] = now;
     }
   }

@@ -3,6 +3,7 @@
 //
 //   simulation   step k begins at k h with the pose of then, latches the pose of k h + latch_after, and its
 //                problem is in use from k h + publish_after on; world.step is the daemon's
+//                where something goes, an interim problem (interim.h) from k h + interim_after on
 //   haptic       one haptic_step each millisecond, on the newest problem in use at that time
 //   bases        made at once, adopted before the first step that begins base_after later
 //
@@ -27,7 +28,8 @@ namespace hapticd {
 
 // Which tetrahedra go when: the same for every configuration and for the reference.
 struct RemovalEvent {
-  double t = 0;  // they are gone for the first step that begins then or later [s]
+  double t = 0;  // for a reference they are gone in the first step that begins then or later; a simulation
+                 // step takes what goes until its begin + removal_lead (world.h) [s]
   int body = 0;
   std::vector<int> tets;
 };
@@ -63,10 +65,12 @@ struct OfflineOptions {
   int sweeps_only = 0;         // > 0: block Gauss-Seidel with so many sweeps instead of the hybrid
   bool limits = false;
   double blend_time = 0;  // after a removal [s]
-  // Of a step's begin, at most a period less a tick [s]. Absent: 1 ms where the step looks ahead, 6 ms else.
+  // Of a step's begin, at most a period less a tick [s]. Absent: 1 ms where the step looks ahead, 6 ms else,
+  // and never before 4 ms in a step that removes something.
   std::optional<double> latch_after;
-  double publish_after = 10e-3;  // … at most a period [s]
-  double base_after = 0.04;      // [s]
+  double publish_after = 10e-3;                        // … at most a period [s]
+  std::optional<double> interim_after = removal_lead;  // …; absent: no interim problems
+  double base_after = 0.04;                            // [s]
 };
 
 struct OfflineTick {
@@ -88,6 +92,7 @@ struct ThreadCost {
 struct OfflineResult {
   std::vector<OfflineTick> ticks;  // one a millisecond of the window
   ThreadCost simulation, haptic, bases;
+  ThreadCost interim;  // of steps that remove something, from their begin until the interim problem is there
   std::size_t memory_bytes = 0;  // largest: compliances, problems and the haptic loop's scratch
   int removed = 0;
   int inverted = 0;         // tetrahedra that were inverted after some step, largest number at a time

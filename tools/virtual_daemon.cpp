@@ -65,11 +65,14 @@ void VirtualDaemon::step(double begin) {
   }
   const double latch = begin + std::min(options_.latch_after, h_ - tick_s);
   bool latched = false;
-  const StepReport report =
-      world_->step([&] { return known_at(std::exchange(latched, true) ? latch : begin); }, *in_use_);
-  const double published = begin + std::min(options_.publish_after, h_);
-  in_use_->published_ns = in_ns(published);
-  local_.publish(published, *in_use_, report.contact);
+  const auto interim = [&]() -> CondensedProblem& {
+    std::swap(in_use_, next_);
+    in_use_->published_ns = in_ns(latch);
+    return *next_;
+  };
+  contact_ =
+      world_->step([&] { return known_at(std::exchange(latched, true) ? latch : begin); }, *next_, interim)
+          .contact;
   for (BaseJob& job : world_->wanted_bases()) {
     try {
       job.base->make();
@@ -82,11 +85,22 @@ void VirtualDaemon::step(double begin) {
 
 void VirtualDaemon::advance(double t) {
   for (;;) {
-    if (options_.stall_for > 0 && begin_ >= options_.stall_from - instant &&
+    if (!stepped_ && options_.stall_for > 0 && begin_ >= options_.stall_from - instant &&
         begin_ < options_.stall_from + options_.stall_for - instant)
       begin_ = options_.stall_from + options_.stall_for;
-    if (begin_ + std::min(options_.publish_after, h_) > t + instant) return;
-    step(begin_);
+    const double published = begin_ + std::min(options_.publish_after, h_);
+    if (!stepped_) {
+      // The tick of the latch itself counts as known.
+      const double latched = begin_ + std::min(options_.latch_after, h_ - tick_s);
+      if (published > t + instant && latched > t - instant) return;
+      step(begin_);
+      stepped_ = true;
+    }
+    if (published > t + instant) return;
+    std::swap(in_use_, next_);
+    in_use_->published_ns = in_ns(published);
+    local_.publish(published, *in_use_, contact_);
+    stepped_ = false;
     begin_ += h_;
     while (known_.size() > 2 && known_[1].t <= begin_ - instant) known_.pop_front();
   }

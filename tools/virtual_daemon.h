@@ -3,7 +3,8 @@
 //
 //   tick i at t = i · 1 ms   haptic_step on the newest problem in use, with the state that arrived, if one
 //   did step k                   begins at k h with the instrument as the loop told it last, latches it
-//                            `latch_after` later, and its problem is in use from `publish_after` on
+//                            `latch_after` later, and its problem is in use from `publish_after` on; where
+//                            something goes, an interim problem (interim.h) from the tick after the latch on
 //
 // As offline_run.h, but closed: a step is computed when its problem is due, so that poses up to its latch are
 // known, whatever they depend on. A stall is a time in which no step begins. Bases are adopted at the step
@@ -69,7 +70,10 @@ class VirtualDaemon final : public Renderer {
   VirtualDaemonOptions options_;
   double h_;
   std::unique_ptr<World> world_;
-  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
+  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>(),
+                                    next_ = std::make_unique<CondensedProblem>();
+  bool stepped_ = false;     // the step that begins at `begin_` was made, and its problem is `next_`
+  ContactSolution contact_;  // of that step
   std::unique_ptr<HapticState> state_ = std::make_unique<HapticState>();
   LocalModel local_;
   std::deque<Known> known_;

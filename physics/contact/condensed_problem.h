@@ -49,7 +49,7 @@ struct VirtualCoupling {
 };
 
 struct CondensedProblem {
-  std::uint64_t step = 0;          // simulation step that made it; 0: none yet
+  std::uint64_t step = 0;          // number of the publication, one or two a simulation step; 0: none yet
   std::int64_t published_ns = 0;   // CLOCK_MONOTONIC at publication, set by the publisher
   Pose X_ref;                      // instrument pose the patch was gathered (and rows frozen) at
   Renewal renewal = Renewal::renewed;
@@ -61,7 +61,7 @@ struct CondensedProblem {
   int samples = 0;
   int dropped_samples = 0;         // did not fit max_patch_samples (nearest are kept)
   std::array<Vec3, max_patch_nodes> x_free;     // [m]
-  std::array<Vec3, max_patch_nodes> x_now;      // [m]
+  std::array<Vec3, max_patch_nodes> x_now;      // at the begin of the step, or where an interim problem begins [m]
   std::array<PatchSample, max_patch_samples> sample;  // sorted by id
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
 

@@ -95,7 +95,8 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       rest(model.mesh.nodes) {
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
   if (removable && !model.dynamic)
-    throw std::invalid_argument(name + ": a static body cannot be removable: pieces cut loose need their mass");
+    throw std::invalid_argument(name +
+                                ": a static body cannot be removable: pieces cut loose need their mass");
   edge = mean_edge(model.mesh);
   if (!deformable) return;
   compliance = make_compliance(method, model, h, options);
@@ -143,12 +144,20 @@ void correct(Body& body, const VecX* contact_force, double h) {
   }
 }
 
-int remove_from(Body& body, std::span<const int> tets) {
+std::vector<int> take_out(Body& body, std::span<const int> tets) {
+  std::vector<int> went;
+  for (const int t : tets)
+    if (body.state.alive[t] && std::find(went.begin(), went.end(), t) == went.end()) went.push_back(t);
   body.surface.remove(tets);
   body.asleep = false;
-  const int gone = remove_tets(body.model, body.state, tets);
-  if (gone > 0) body.compliance->remove(body.state, tets);
-  return gone;
+  remove_tets(body.model, body.state, went);
+  return went;
+}
+
+int remove_from(Body& body, std::span<const int> tets) {
+  const std::vector<int> went = take_out(body, tets);
+  if (!went.empty()) body.compliance->remove(body.state, went);
+  return static_cast<int>(went.size());
 }
 
 }  // namespace hapticd

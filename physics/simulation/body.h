@@ -41,10 +41,11 @@ struct Body {
   std::unique_ptr<Compliance> compliance;  // deformable only
   std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
   VecX dx_free;
+  VecX dx_ahead;    // Δx_p that linearise_ahead was last given
   VecX under_load;  // of a linear static body: C f_ext
   VecX scratch;
-  std::vector<Mat3> factored_rotation;     // per tetrahedron, as it is in the present factor
-  bool asleep = false;  // at rest and out of reach: its step is skipped
+  std::vector<Mat3> factored_rotation;  // per tetrahedron, as it is in the present factor
+  bool asleep = false;                  // at rest and out of reach: its step is skipped
 
   // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
   bool base_wanted = false;
@@ -77,7 +78,11 @@ void fresh_free_motion(Body& body, double h);
 // x += Δx_free + C f (f: contact forces per node, may be null), v = Δx/h.
 void correct(Body& body, const VecX* contact_force, double h);
 
-// Removes tetrahedra and lets mass, surface and orphan nodes follow. Returns how many went.
+// Removes tetrahedra and lets mass, surface and orphan nodes follow. Returns those that went, which the
+// compliance is to be told before its next update …
+std::vector<int> take_out(Body& body, std::span<const int> tets);
+
+// … and this tells it. Returns how many went.
 int remove_from(Body& body, std::span<const int> tets);
 
 }  // namespace hapticd

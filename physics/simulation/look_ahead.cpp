@@ -44,6 +44,7 @@ void linearise_ahead(Body& body, double h) {
   const TissueModel& m = body.model;
   TissueState& state = body.state;
   const std::vector<Vec3> x = state.x;
+  body.dx_ahead = body.dx_free;
   for (int n = 0; n < m.node_count(); ++n) state.x[n] += body.dx_free.segment<3>(3 * n);
   {
     const Within assembly(body.times, StepPart::assembly);

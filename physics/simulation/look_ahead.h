@@ -20,7 +20,7 @@ namespace hapticd {
 // x_p is worth nothing, and its factor may not exist. Body::dx_free: Δx_p.
 bool can_look_ahead(const Body& body);
 
-// Body::dx_free: Δx_p in, Δx_free out.
+// Body::dx_free: Δx_p in, Δx_free out; Body::dx_ahead: Δx_p.
 void linearise_ahead(Body& body, double h);
 
 }  // namespace hapticd

@@ -5,8 +5,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "physics/simulation/look_ahead.h"
-
 namespace hapticd {
 namespace {
 
@@ -18,7 +16,6 @@ constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead b
 constexpr int rest_between_bases = 2;  // steps
 constexpr double far_step = 0.6;       // in alarm distances
 constexpr double most_parts = 32;      // of a step's way that contact is solved on
-constexpr double most_ahead = 0.5;     // in alarm distances: the patch is that of the pose it was gathered at
 
 bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
@@ -38,34 +35,38 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
         p.points == p.faces)
       throw std::invalid_argument("a contact pair names two of the bodies");
   rebases_ = settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
-  if (rebases_) {
-    last_problem_ = std::make_unique<CondensedProblem>();
-    last_scratch_ = std::make_unique<ContactScratch>();
-  }
+  last_problem_ = std::make_unique<CondensedProblem>();
+  last_scratch_ = std::make_unique<ContactScratch>();
   if (looks_ahead()) ahead_scratch_ = std::make_unique<ContactScratch>();
   ahead_.assign(bodies.size(), 0);
+  gone_.resize(bodies.size());
   for (BodySettings& b : bodies)
     bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
                          settings.compliance_options);
   for (Body& b : bodies_) collision_.add_body(b.surface.faces(), b.state.x);
 }
 
-StepReport World::step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem) {
+StepReport World::step(const std::function<InstrumentSample()>& latest, CondensedProblem& first,
+                       const std::function<CondensedProblem&()>& publish_interim) {
   StepReport report;
   ++steps_;
   topology_changed_ = false;
 
-  report.bases_adopted = std::exchange(bases_adopted_, 0);
   InstrumentSample sample = latest();
   follow_instrument(sample);
   remove_scheduled(report);
   remove_at_tip(sample, report);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
-    if (bodies_[b].deformable && !bodies_[b].asleep) {
+    if (bodies_[b].deformable && !bodies_[b].asleep && gone_[b].empty()) {
       const Within collision(times(), StepPart::collision);
       collision_.refit(static_cast<int>(b), bodies_[b].state.x);
     }
   wake(sample);
+  report.interim = publish_interim && topology_changed_ && fill_interim(sample, first);
+  CondensedProblem& problem = report.interim ? publish_interim() : first;
+  if (report.interim) topology_changed_ = false;  // since the problem before
+  adopt_bases(report);
+  tell_compliances();
   if (!contacts_.empty()) find_body_contacts();
   factor_and_free_motion(sample, report);
 
@@ -88,7 +89,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   if (settings_.fresh_free_motion) set_patch_positions(bodies_, gatherer_.nodes(), problem);
   if (contacts_.any()) condense_bodies(problem, report);
   if (looks_ahead()) look_ahead(sample, problem, report);
-  if (rebases_) *last_problem_ = problem;
+  *last_problem_ = problem;
   report_compliance(report);
   put_to_sleep();
   removed_ += report.removed;
@@ -97,6 +98,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
 
 void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
   const Within collision(times(), StepPart::collision);
+  const Pose X = displaced(sample.pose, removal_lead * twist_);
   const bool cutting = sample.present && sample.phaco;
   // What a tip in the open does not spend does not pile up: one element and one step's worth at most.
   const double per_step = settings_.removal.rate * settings_.h;
@@ -106,18 +108,16 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
     if (!body.removable) continue;
     int gone = 0;
     if (removal_budget_ >= 1) {
-      std::vector<int> tets =
-          tets_at_tip(body.model, body.state, *instrument_, sample.pose, settings_.removal.stroke);
+      std::vector<int> tets = tets_at_tip(body.model, body.state, *instrument_, X, settings_.removal.stroke);
       tets.resize(std::min(tets.size(), static_cast<std::size_t>(removal_budget_)));
       removal_budget_ -= static_cast<double>(tets.size());
-      gone += remove_from(body, tets);
+      gone += take_from(static_cast<int>(b), tets);
     }
     if (sample.present && sample.aspiration && settings_.removal.aspiration_max_tets > 0 &&
         body.state.removed > 0) {
-      const Aspirated sucked =
-          fragments_at_tip(body.model, body.state, *instrument_, sample.pose, settings_.removal);
+      const Aspirated sucked = fragments_at_tip(body.model, body.state, *instrument_, X, settings_.removal);
       if (sucked.fragments > 0) {
-        gone += remove_from(body, sucked.tets);
+        gone += take_from(static_cast<int>(b), sucked.tets);
         report.fragments_aspirated += sucked.fragments;
       }
     }
@@ -128,14 +128,28 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
 void World::remove_scheduled(StepReport& report) {
   const Within collision(times(), StepPart::collision);
   for (const ScheduledRemoval& removal : scheduled_)
-    removed_from(removal.body, remove_from(bodies_[removal.body], removal.tets), report);
+    removed_from(removal.body, take_from(removal.body, removal.tets), report);
   scheduled_.clear();
+}
+
+int World::take_from(int b, std::span<const int> tets) {
+  const std::vector<int> went = take_out(bodies_[b], tets);
+  gone_[b].insert(gone_[b].end(), went.begin(), went.end());
+  return static_cast<int>(went.size());
+}
+
+void World::tell_compliances() {
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    if (gone_[b].empty()) continue;
+    bodies_[b].compliance->remove(bodies_[b].state, gone_[b]);
+    gone_[b].clear();
+    ahead_[b] = 0;
+  }
 }
 
 void World::removed_from(int b, int gone, StepReport& report) {
   if (gone == 0) return;
   const Body& body = bodies_[b];
-  ahead_[b] = 0;
   report.removed += gone;
   topology_changed_ = true;
   collision_.set_surface(b, body.surface.faces(), body.state.x);
@@ -161,15 +175,19 @@ std::vector<BaseJob> World::wanted_bases() {
   return jobs;
 }
 
-void World::adopt(BaseJob job) {
-  Body& body = bodies_[job.body];
-  body.base_under_way = false;
-  body.last_base_steps = body.base_steps;
-  body.base_steps = 0;
-  if (job.failed || !job.base) return;
-  body.compliance->adopt_base(std::move(job.base), body.state);
-  ahead_[job.body] = 0;
-  ++bases_adopted_;
+// After an interim problem, which needs the factor that there is.
+void World::adopt_bases(StepReport& report) {
+  for (BaseJob& job : made_) {
+    Body& body = bodies_[job.body];
+    body.base_under_way = false;
+    body.last_base_steps = body.base_steps;
+    body.base_steps = 0;
+    if (job.failed || !job.base) continue;
+    body.compliance->adopt_base(std::move(job.base), body.state);
+    ahead_[job.body] = 0;
+    ++report.bases_adopted;
+  }
+  made_.clear();
 }
 
 void World::follow_instrument(const InstrumentSample& sample) {
@@ -280,7 +298,7 @@ void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& r
 
 void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
   const Within collision(times(), StepPart::collision);
-  problem.step = steps_;
+  problem.step = ++problems_;
   problem.X_ref = sample.pose;
   problem.renewal = settings_.contact;
   problem.topology_changed = topology_changed_;
@@ -354,20 +372,19 @@ ContactOptions World::contact_options() const {
   return options;
 }
 
-Vec3 World::force_of_last_problem(const InstrumentSample& sample) {
+ContactSolution World::solve_last_problem(const InstrumentSample& sample) {
   ContactState state = contact_state_;
   state.frozen_step = 0;  // the rows of that step are in the other scratch
   return solve_contact(*last_problem_, *instrument_, sample.pose, settings_.h, contact_options(), state,
-                       *last_scratch_)
-      .wrench.head<3>();
+                       *last_scratch_);
 }
 
 void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   const Within solve(times(), StepPart::solve);
   if (sample.present) {
     const bool compares =
-        last_problem_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
-    const Vec3 before = compares ? force_of_last_problem(sample) : Vec3::Zero();
+        rebases_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
+    const Vec3 before = compares ? Vec3(solve_last_problem(sample).wrench.head<3>()) : Vec3::Zero();
     // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
     // on the way, with all that the solves there remember.
     const Pose from = displaced(last_pose_, -settings_.h * twist_);
@@ -418,59 +435,6 @@ void World::correct_bodies() {
     if (contacts_.any()) contacts_.add_forces(static_cast<int>(b), contact_force_);
     correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h);
   }
-}
-
-bool World::looks_ahead() const {
-  return settings_.lead > 0 && settings_.contact == Renewal::renewed && settings_.fresh_free_motion &&
-         contacts_.empty();
-}
-
-Pose World::pose_ahead(const Pose& X) const {
-  const Vec6 way = settings_.lead * twist_;
-  const double most = most_ahead * settings_.alarm_distance;
-  return displaced(X, std::min(1.0, most / std::max(way.head<3>().norm(), 1e-12)) * way);
-}
-
-void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
-  InstrumentSample there = sample;
-  there.pose = pose_ahead(sample.pose);
-  ContactSolution contact;
-  if (sample.present) {
-    const Within solve(times(), StepPart::solve);
-    // Nothing of this solve is remembered but what it foresees.
-    ContactState state = contact_state_;
-    contact = solve_contact(problem, *instrument_, there.pose, settings_.h, contact_options(), state,
-                            *ahead_scratch_);
-  }
-  const bool pressed = sample.present && usable(contact);
-  const VecX force = pressed ? force_on_patch(problem, *ahead_scratch_) : VecX::Zero(3 * problem.nodes);
-  const auto nodes = gatherer_.nodes();
-  for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    Body& body = bodies_[b];
-    if (!body.deformable || body.asleep || !body.model.corotational) continue;
-    contact_force_.setZero(3 * body.model.node_count());
-    std::vector<int> of_body;
-    for (std::size_t i = 0; i < nodes.size(); ++i) {
-      if (nodes[i].body != static_cast<int>(b)) continue;
-      of_body.push_back(nodes[i].node);
-      contact_force_.segment<3>(3 * nodes[i].node) += force.segment<3>(3 * static_cast<Eigen::Index>(i));
-    }
-    const bool touched = !contact_force_.isZero(0);
-    if (touched) {
-      const Within free_motion(times(), StepPart::free_motion);
-      body.compliance->apply(contact_force_, contact_force_);
-      body.dx_free += contact_force_;
-    }
-    if (!can_look_ahead(body)) {
-      if (touched) body.dx_free -= contact_force_;
-      continue;
-    }
-    if (sample.present) update_zone(static_cast<int>(b), there, of_body);
-    linearise_ahead(body, settings_.h);
-    ahead_[b] = 1;
-  }
-  compliance_of_patch(sample, problem, report);
-  set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
 
 void World::put_to_sleep() {

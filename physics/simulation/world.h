@@ -1,6 +1,7 @@
 // The simulated world and its 50 Hz step, in the order that keeps the published problem fresh.
 //
-//   1  removals at the tip, fragments sucked out
+//   1  removals at the tip, fragments sucked out; where something went, an interim problem (interim.h), which
+//      is published at once: else what is gone would be felt until 8
 //   2  rotations, A(u), factor, free motion                      (per awake body)
 //   3  latch the newest instrument pose, gather the patch, C_pp
 //   4  contact solve, geometry renewed three times; of a far pose, on the way to it first    δ = W λ + δ_free
@@ -13,9 +14,9 @@
 //
 // Factor and free motion of 7 are those of the next step's 2, unless an element goes or the zone moves: the
 // pose is then latched at once. Without a lead it is latched after the factor, and free motion is published
-// fresh: a start-of-step pose and a step-old free motion cost most of the accuracy there is (haptic/README.md).
-// A deformable body that is at rest and out of reach, and touches none that moves, sleeps: its step costs
-// nothing, and what touches it then finds an obstacle, for one step if it moves.
+// fresh: a start-of-step pose and a step-old free motion cost most of the accuracy there is
+// (haptic/README.md). A deformable body that is at rest and out of reach, and touches none that moves,
+// sleeps: its step costs nothing, and what touches it then finds an obstacle, for one step if it moves.
 // Units: SI. Shapes: see condensed_problem.h. Errors: std::runtime_error from the factor of a singular
 // body. Source: the paper §2 and Fig. 2; departures: published patch, newest pose, fresh free motion.
 #pragma once
@@ -44,13 +45,13 @@ struct WorldSettings {
   ComplianceMethod compliance = ComplianceMethod::exact;
   ComplianceOptions compliance_options;
   BodyContactSettings body_contact;  // which bodies touch one another; none by default
-  int linearisations = 3;  // of a step's contact solve
+  int linearisations = 3;            // of a step's contact solve
   CoulombOptions coulomb;
   // Where in its use a published problem is best: this long after its pose was latched [s]; 0: at that pose.
   // Only for renewed contact, and not where bodies touch one another.
   double lead = 0;
-  // For comparison only (tools/offline_run.h): the paper keeps the pose of the step's start, and publishes the
-  // free motion that the step began with.
+  // For comparison only (tools/offline_run.h): the paper keeps the pose of the step's start, and publishes
+  // the free motion that the step began with.
   bool newest_pose = true;
   bool fresh_free_motion = true;
 };
@@ -79,16 +80,22 @@ struct InstrumentSample {
 struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
   int fragments_aspirated = 0;
+  bool interim = false;  // a problem without them was published at once
   int awake_bodies = 0;
   int bases_adopted = 0;    // since the step before
   int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
-  // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing one
-  // over for the other does to the force. Of methods that keep bases, in steps with a new base or a removal.
+  // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
+  // one over for the other does to the force. Of methods that keep bases, in steps with a new base or a
+  // removal.
   double handover_jump = 0;
   BodyContactReport body_contact;
   std::vector<BodyReport> compliance;  // of awake bodies
 };
+
+// What a step removes goes when the problem without it is in use, so long after the step's begin [s]; the tip is
+// where it will be then.
+inline constexpr double removal_lead = 2e-3;
 
 // Rows of the instrument exist for gaps below this, in alarm distances; they are renewed in each solve.
 inline constexpr double contact_margin = 0.25;
@@ -101,8 +108,11 @@ class World {
   World(std::vector<BodySettings> bodies, Instrument instrument, const WorldSettings& settings);
 
   // One step of h. `latest` is asked for the newest sample twice: at the start and at the latch.
-  // `problem` is written whole, but for `published_ns`.
-  StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem);
+  // `problem` is written whole, but for `published_ns`. With `publish_interim`, in steps that remove
+  // something: it is called with `problem` written a first time, and gives the problem to write the second
+  // time.
+  StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem,
+                  const std::function<CondensedProblem&()>& publish_interim = {});
 
   // Between steps: the next one begins by removing these, whatever the tip does.
   void schedule_removal(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
@@ -110,7 +120,7 @@ class World {
   // Between steps: new bases to be made elsewhere, at most one at a time for a body; and back. A body whose
   // base never comes stays right in its zone, and its report says how stale the rest has become.
   std::vector<BaseJob> wanted_bases();
-  void adopt(BaseJob job);
+  void adopt(BaseJob job) { made_.push_back(std::move(job)); }
 
   // The problem that the last step published, at another pose and with no contact of the bodies frozen: what
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
@@ -127,7 +137,11 @@ class World {
  private:
   void remove_at_tip(const InstrumentSample& sample, StepReport& report);
   void remove_scheduled(StepReport& report);
+  int take_from(int body, std::span<const int> tets);
   void removed_from(int body, int gone, StepReport& report);
+  void tell_compliances();
+  void adopt_bases(StepReport& report);
+  bool fill_interim(const InstrumentSample& sample, CondensedProblem& problem);
   struct ZoneNode {
     double distance;  // [m]
     int node;
@@ -144,7 +158,7 @@ class World {
   void compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   void report_compliance(StepReport& report);
   ContactOptions contact_options() const;
-  Vec3 force_of_last_problem(const InstrumentSample& sample);
+  ContactSolution solve_last_problem(const InstrumentSample& sample);
   void solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   void correct_bodies();
   void put_to_sleep();
@@ -170,7 +184,7 @@ class World {
   Collision collision_;
   PatchGatherer gatherer_;
   ContactState contact_state_;
-  std::unique_ptr<CondensedProblem> last_problem_;  // only of methods that keep bases
+  std::unique_ptr<CondensedProblem> last_problem_;
   std::unique_ptr<ContactScratch> last_scratch_;
   std::unique_ptr<ContactScratch> scratch_;
   std::vector<NearFace> near_;
@@ -187,15 +201,17 @@ class World {
   double removal_budget_ = 0;
   int removed_ = 0;
   bool topology_changed_ = false;
-  bool rebases_ = false;          // the method keeps bases that others make
+  bool rebases_ = false;                           // the method keeps bases that others make
   std::unique_ptr<ContactScratch> ahead_scratch_;  // only with a lead
   std::vector<std::uint8_t> ahead_;  // per body: its factor and free motion are those of the step to come
-  Vec3 velocity_ = Vec3::Zero();  // of the instrument [m/s]
-  Vec6 twist_ = Vec6::Zero();     // … as a displacement per second
+  Vec3 velocity_ = Vec3::Zero();     // of the instrument [m/s]
+  Vec6 twist_ = Vec6::Zero();        // … as a displacement per second
   Pose last_pose_;
   bool was_present_ = false;
-  int bases_adopted_ = 0;
+  std::vector<std::vector<int>> gone_;  // per body: in this step, and its compliance does not know yet
+  std::vector<BaseJob> made_;           // bases to be adopted in the next step
   std::uint64_t steps_ = 0;
+  std::uint64_t problems_ = 0;
 };
 
 }  // namespace hapticd
