@@ -23,7 +23,7 @@ export function nice(x) {
 
 // values: newest last, one each `step` seconds, NaN where there is none; seconds: how far back the axis goes.
 export function line(canvas, values, step, seconds, most, unit) {
-  const { g, w, h } = begin(canvas), left = 34, bottom = 16, top = 6;
+  const { g, w, h } = begin(canvas), left = 38, bottom = 16, top = 6;
   const y = v => top + (h - top - bottom) * (1 - v / most), x = age => w - (w - left) * age / seconds;
   g.strokeStyle = variable('--line');
   g.fillStyle = variable('--quiet');

@@ -18,6 +18,7 @@ const LIGHT = `
 export function matter(rgb = null, gloss = 0.1) {
   return new THREE.ShaderMaterial({
     vertexColors: !rgb, side: THREE.DoubleSide,
+    polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,  // edges lie before their faces
     uniforms: { own: { value: new THREE.Vector3(...(rgb ?? [1, 1, 1])) }, gloss: { value: gloss }, opacity: { value: 1 } },
     vertexShader: `uniform vec3 own; uniform float gloss; varying vec3 shade; ${LIGHT}
       void main() {
