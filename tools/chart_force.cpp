@@ -76,10 +76,9 @@ Reference reference_of(const Scene& scene, const OfflineInput& input, double sho
   return r;
 }
 
-// How much later than scheduled a problem without what goes comes into use [s].
-double felt_after(const OfflineOptions& o) {
-  return (o.interim_after && o.rendering == Rendering::solved ? *o.interim_after : o.publish_after) -
-         removal_lead;
+// How much later than scheduled a problem without what goes came into use [s].
+double felt_after(const OfflineOptions& o, const OfflineResult& result) {
+  return (result.interim.work.empty() ? o.publish_after : *o.interim_after) - removal_lead;
 }
 
 // The same removals, each as late as that.
@@ -99,6 +98,7 @@ ForcePoint point_of(const ForceConfiguration& c, const OfflineInput& input, cons
   p.cpu_ms_per_s = p.simulation_ms_per_s + p.haptic_ms_per_s + p.bases_ms_per_s;
   p.simulation_step_ms_p50 = 1e3 * result.simulation.quantile(50);
   p.simulation_step_ms_p99 = 1e3 * result.simulation.quantile(99);
+  p.interim_ms_p50 = 1e3 * result.interim.quantile(50);
   p.haptic_us_p99 = 1e6 * result.haptic.quantile(99);
   p.memory_mb = 1e-6 * static_cast<double>(result.memory_bytes);
   p.inverted = result.inverted;
@@ -181,9 +181,7 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   for (const std::filesystem::path& file : recordings)
     for (const int per_step : removals) {
       Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
-      if (per_step > 0) {
-        job.input.removals = record_removals(scene, job.input, per_step);
-      }
+      if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
       const double span = job.input.to - job.input.from + job.input.settle;
       whole += (per_step > 0 ? 90 : 15) * span / longest_step * step_weight(scene);
       for (const ForceConfiguration* c : chosen)
@@ -204,11 +202,6 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     Reference finest_reference;
     std::map<double, Reference> felt;  // by delay
     if (job.removals > 0) felt[0] = own;
-    for (const ForceConfiguration* c : chosen)
-      if (const double delay = felt_after(c->options);
-          job.removals > 0 && c->meshes.empty() && work.goes_on() && !felt.contains(delay))
-        felt[delay] =
-            reference_of(scene, removed_after(job.input, delay), shortest, settings, what + " felt", work);
     const bool space_here = in_space && &job == &jobs[0];
     if (space_here)
       finest_reference =
@@ -222,11 +215,6 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     run.reference_step = own.step;
     run.inverted = own.inverted;
     run.converged = own.converged;
-    for (const auto& [delay, reference] : felt) {
-      run.felt_half_step_rel = std::max(run.felt_half_step_rel, reference.half_step_rel);
-      run.inverted += reference.inverted;
-      run.felt_converged = run.felt_converged && reference.converged;
-    }
     run.reference_cpu_s = own.run.simulation.total;
     run.reference = own.run.ticks;
     for (const ForceConfiguration* c : chosen) {
@@ -247,7 +235,16 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       p.removals = job.removals;
       p.error = force_error(result.ticks, truth.run.ticks);
       p.reference_converged = c->meshes.empty() ? run.converged : other.converged;
-      if (job.removals > 0) p.felt = force_error(result.ticks, felt[felt_after(c->options)].run.ticks);
+      if (job.removals > 0) {
+        const double delay = felt_after(c->options, result);
+        if (!felt.contains(delay))
+          felt[delay] =
+              reference_of(scene, removed_after(job.input, delay), shortest, settings, what + " felt", work);
+        const Reference& late = felt[delay];
+        run.felt_half_step_rel = std::max(run.felt_half_step_rel, late.half_step_rel);
+        run.felt_converged = run.felt_converged && late.converged;
+        p.felt = force_error(result.ticks, late.run.ticks);
+      }
       if (space_here) {
         p.space_rms_rel = force_error(truth.run.ticks, finest_reference.run.ticks).rms_rel;
         p.whole_rms_rel = force_error(result.ticks, finest_reference.run.ticks).rms_rel;

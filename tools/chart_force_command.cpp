@@ -53,6 +53,7 @@ nlohmann::ordered_json to_json(const ForcePoint& p) {
                               {"pareto", p.pareto},
                               {"front_factor", rounded(p.front_factor, 3)}};
   if (p.removals > 0) {
+    j["interim_ms_p50"] = rounded(p.interim_ms_p50, 3);
     j["felt_rms_rel"] = p.felt.rms_rel;
     j["felt_max_rel"] = p.felt.max_rel;
     j["felt_swap_jump_p95_rel"] = p.felt.swap_jump_p95_rel;
