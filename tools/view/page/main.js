@@ -235,6 +235,8 @@ window.addEventListener('keyup', e => {
   if (e.key.toLowerCase() === 'a') hand.pedal(2, false);
 });
 window.addEventListener('blur', () => { hand.buttons = 0; });
+// Nobody holds what nobody looks at.
+document.addEventListener('visibilitychange', () => { if (document.hidden && hand.held) hand.release(); });
 
 stage.onFrame = now => {
   let moved = false;

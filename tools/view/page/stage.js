@@ -6,14 +6,11 @@ import { drawnBySoftware } from './material.js';
 
 const SLOW_MS = 30, FAST_MS = 12;
 const LEAST_RATIO = 0.6;
-// Drawn by software, each frame is taken from the processors that the simulation needs.
-const SOFTWARE_FRAME_MS = 1000 / 36;
 
 export class Stage {
   constructor(canvas) {
     this.canvas = canvas;
-    this.software = drawnBySoftware();
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, powerPreference: 'high-performance' });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawnBySoftware(), powerPreference: 'high-performance' });
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 1e-4, 10);
     this.camera.up.set(0, 0, 1);
@@ -89,8 +86,6 @@ export class Stage {
     requestAnimationFrame(() => this.frame());
     // Not the time that comes with the call: it is the frame's, and may lie before the newest message.
     const now = performance.now();
-    if (this.software && now < (this.due ?? 0) - 4) return;
-    this.due = Math.max((this.due ?? now) + SOFTWARE_FRAME_MS, now - SOFTWARE_FRAME_MS);
     const moved = this.onFrame(now);
     if (!moved && !this.dirty) return;
     this.dirty = false;
