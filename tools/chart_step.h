@@ -4,8 +4,8 @@
 // the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep bases
 // run at the daemon's cadence, a 50 Hz grid with the bases made by a thread of lowest priority; the others
 // one step after another. There is no haptic loop beside it. Friction is 0.1, geometry renewed.
-// Contacts are samples within the margin, of friction each: three rows of W. Parts are physics/part_times.h's.
-// Units in the names.
+// Contacts are samples within the margin, of friction each: three rows of W. Parts are
+// physics/part_times.h's. Units in the names.
 #pragma once
 
 #include <array>

@@ -223,8 +223,8 @@ int chart(Options options) {
   }
   if (ticks) {
     Table table = {{"haptic tick: patch, contacts, active", std::to_string(tick.patch_nodes) + ", " +
-                                                              std::to_string(tick.contacts) + ", " +
-                                                              std::to_string(tick.active)},
+                                                                std::to_string(tick.contacts) + ", " +
+                                                                std::to_string(tick.active)},
                    {"p50, p99, max", fixed(tick.us_median, 0) + ", " + fixed(tick.us_p99, 0) + ", " +
                                          fixed(tick.us_max, 0) + " us"}};
     for (std::size_t k = 0; k < tick.parts_us.size(); ++k)

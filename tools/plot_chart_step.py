@@ -49,7 +49,7 @@ def draw(data, path):
         sys.exit("no points to draw")
     models = [m for m in ("corotational", "linear") if any(p["model"] == m for p in points)]
     sizes = sorted({p["nodes"] for p in points})
-    figure, grid = plt.subplots(2, len(models), figsize=(1.0 + 5.2 * len(models), 8.6), squeeze=False, sharex=True,
+    figure, grid = plt.subplots(2, len(models), figsize=(1.0 + 6.4 * len(models), 8.6), squeeze=False, sharex=True,
                                 sharey="row")
     for column, model in enumerate(models):
         axes = grid[0][column]
@@ -65,7 +65,7 @@ def draw(data, path):
         axes.annotate("50 Hz", (sizes[0], 20), textcoords="offset points", xytext=(0, 3), fontsize=9, color=INK)
         axes.set_title(f"{model}: the step, median (dash: p99)", loc="left", fontsize=10.5)
         logarithmic(axes, sizes)
-        axes.legend(fontsize=9, loc="upper left", bbox_to_anchor=(0.0, 0.93))
+        axes.legend(fontsize=9, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
         axes = grid[1][column]
         own = [p for p in points if (p["model"], p["compliance"]) == (model, "zone")]
@@ -78,7 +78,7 @@ def draw(data, path):
         axes.set_xlabel("nodes")
         logarithmic(axes, sizes)
         if own:
-            axes.legend(fontsize=9, loc="upper left")
+            axes.legend(fontsize=9, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     grid[0][0].set_ylabel("time of a step [ms]")
     grid[1][0].set_ylabel("time of a part [ms]")
     figure.set_layout_engine("constrained")

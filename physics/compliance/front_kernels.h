@@ -44,8 +44,8 @@ struct FrontAhead {
 struct FrontKernels {
   const char* name;
   // False: a pivot is not positive (or not a number). `reciprocal` gets 1 / L_jj of every column.
-  bool (*factor_panel)(double* panel, std::ptrdiff_t stride, int height, int width,
-                       double* reciprocal, FrontAhead& ahead) noexcept;
+  bool (*factor_panel)(double* panel, std::ptrdiff_t stride, int height, int width, double* reciprocal,
+                       FrontAhead& ahead) noexcept;
   // square = −L21 L21ᵀ, whatever was there: the lower triangle of rows and columns `width` to `size`.
   void (*make_square)(const double* panel, std::ptrdiff_t stride, int height, int width, int size,
                       double* square, std::ptrdiff_t square_stride, FrontAhead& ahead) noexcept;

@@ -121,13 +121,13 @@ struct FrontTiles {
   static int lesser(int a, int b) noexcept { return a < b ? a : b; }
   static int greater(int a, int b) noexcept { return a < b ? b : a; }
 
-  static bool factor_panel(double* P, std::ptrdiff_t stride, int height, int width,
-                           double* reciprocal, FrontAhead& ahead) noexcept {
+  static bool factor_panel(double* P, std::ptrdiff_t stride, int height, int width, double* reciprocal,
+                           FrontAhead& ahead) noexcept {
     const auto tile_at = [&](int row, int column) {
       double* C = P + row + column * stride;
       return Tile{
           P + row, P + column, stride, column, C, stride, P + column + column * stride, reciprocal + column,
-                  &ahead};
+          &ahead};
     };
     const int triangle_end = (width + lanes - 1) / lanes * lanes;
     for (int column = 0; column < width; column += lanes) {

@@ -54,7 +54,8 @@ FrontAhead MultifrontalFactor::next_panel(std::size_t s) const noexcept {
   if (s + 1 == plan_.fronts.size()) return {};
   const FrontPlan::Front& next = plan_.fronts[s + 1];
   const double* panel = values_.data() + next.panel;
-  return {reinterpret_cast<const char*>(panel), reinterpret_cast<const char*>(panel + next.stride * next.width)};
+  return {reinterpret_cast<const char*>(panel),
+          reinterpret_cast<const char*>(panel + next.stride * next.width)};
 }
 
 void MultifrontalFactor::factor(const SystemMatrix& matrix) {

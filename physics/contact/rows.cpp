@@ -95,8 +95,8 @@ Mat3 contact_frame(const Vec3& n) noexcept {
 
 void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
                 const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
-                const ContactMemory& memory, double margin, ContactRows& rows,
-                const Reached* reached, PartTimes* times) noexcept {
+                const ContactMemory& memory, double margin, ContactRows& rows, const Reached* reached,
+                PartTimes* times) noexcept {
   const Within rows_part(times, ContactPart::rows);
   select(problem, PlacedInstrument(instrument, X_lin), X_lin, x_lin, margin, reached, rows);
   rows.rows_per_contact = 1;
