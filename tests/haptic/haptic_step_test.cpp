@@ -148,6 +148,33 @@ TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
   EXPECT_EQ(f.status, 0u);
 }
 
+// Damped tissue that loses elements gives way from then on: the tick after has only so long of it.
+TEST_F(HapticStep, AfterARemovalViscosityCountsFromItsPublication) {
+  options.viscous.step = 0.02;
+  options.viscous.relaxation[0] = 2e-3;
+  const auto soften = [&] {
+    problem->nodes = 3;
+    for (int n = 0; n < 3; ++n) {
+      problem->x_free[n] = problem->x_now[n] = Vec3(n == 1 ? 1e-3 : -1e-3, n - 1.0, 0);
+      problem->sample[0].node[n] = n;
+      problem->sample[0].weight[n] = 1.0 / 3;
+    }
+    problem->C().setIdentity();
+    problem->C() *= 1e-3;
+  };
+  soften();
+  settle();
+  EXPECT_DOUBLE_EQ(state->patch.period, 1e-3);
+  publish = false;
+  wall::make(*problem, 2, now + ms - ms * 6 / 10);
+  soften();
+  problem->topology_changed = true;
+  tick();
+  EXPECT_DOUBLE_EQ(state->patch.period, 0.6e-3);
+  tick();
+  EXPECT_DOUBLE_EQ(state->patch.period, 1e-3);
+}
+
 TEST_F(HapticStep, ResumingAfterAStallIsBlended) {
   const double before = settle().force.z();
   for (int age = 1; age <= 5; ++age) tick(false);
