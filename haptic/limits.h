@@ -2,7 +2,7 @@
 //
 //   saturation   F ← F · min(1, F_max / ‖F‖)                      direction kept
 //   slew         F ← F_last + ΔF · min(1, Ḟ_max T / ‖ΔF‖)         per tick sent, whatever time passed
-//   blend        F ← F + (F_before − F_after) · (1 − (t + T)/(5 ms + T))  after a removal or a stall, even steps
+//   blend        F ← F + (F_before − F_after) · (1 − (t + T)/(5 ms + T))  after a removal or a stall
 //
 // Two points of the ball ‖F‖ ≤ F_max have their segment in it, so slew after saturation obeys both.
 // Torque likewise, with τ_max and the slew Ḟ_max τ_max / F_max (equal time to full scale).

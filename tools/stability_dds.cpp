@@ -32,8 +32,8 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 std::string scene_file(const std::filesystem::path& folder, double force_scale) {
   const std::filesystem::path cube = config_directory() / "scenes/cube";
   std::string device = read_bytes(config_directory() / "devices/touch.yaml");
-  device = replaced(device, "max_force: 3.3", "max_force: 1000");
-  device = replaced(device, "max_force_rate: 200", "max_force_rate: 1.0e6");
+  device = replaced(device, "max_force: 3.3", "max_force: 200");
+  device = replaced(device, "max_force_rate: 200", "max_force_rate: 1.0e5");
   write_file((folder / "device.yaml").string(), device);
   std::string scene = read_bytes(cube / "cube.yaml");
   scene = replaced(scene, "mesh: cube.msh", "mesh: " + (cube / "cube.msh").string());

@@ -98,7 +98,8 @@ struct Grasp {
 constexpr double device_mass = 0.045;
 constexpr Grasp grasps[] = {
     {"finger tip", 0.006, 5, 500,
-     "after Hajian and Howe 1997: some grams, several N·s/m, hundreds of N/m, rising with the finger's force"},
+     "after Hajian and Howe 1997: some grams, several N·s/m, hundreds of N/m, rising with the finger's "
+     "force"},
     {"stylus, loose", 0.03, 1.5, 100,
      "of the order only: a stylus in relaxed fingers, after Kuchenbecker, Park and Niemeyer 2003"},
     {"stylus, firm", 0.1, 6, 700,
