@@ -51,7 +51,7 @@ struct ComplianceOptions {
   bool rounded_base = false;       // zone: solve with a rounded copy of the base factor (rest_panels.h)
   NodeOrder updown_order = NodeOrder::zone_last;
   Factorisation factorisation = Factorisation::multifrontal;
-  int lazy_rebase_after = 0;   // lazy: removals after which `update` makes a new base; 0: never, as the paper
+  int lazy_rebase_after = 0;  // lazy: removals after which `update` makes a new base; 0: never, as the paper
   PartTimes* times = nullptr;  // of the step it is part of: `update` tells assembly from factor
 };
 
