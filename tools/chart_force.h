@@ -38,7 +38,8 @@ struct ForcePoint {
   int removals = 0;
   double cpu_ms_per_s = 0, simulation_ms_per_s = 0, haptic_ms_per_s = 0, bases_ms_per_s = 0;
   double simulation_step_ms_p50 = 0, simulation_step_ms_p99 = 0;
-  double interim_ms_p50 = 0;  // from the begin of a step that removes something to its interim problem; 0: none
+  double interim_ms_p50 =
+      0;  // from the begin of a step that removes something to its interim problem; 0: none
   double haptic_us_p99 = 0, memory_mb = 0;
   ForceError error;
   ForceError felt;                                // only with removals

@@ -93,8 +93,8 @@ struct StepReport {
   std::vector<BodyReport> compliance;  // of awake bodies
 };
 
-// What a step removes goes when the problem without it is in use, so long after the step's begin [s]; the tip is
-// where it will be then.
+// What a step removes goes when the problem without it is in use, so long after the step's begin [s]; the tip
+// is where it will be then.
 inline constexpr double removal_lead = 2e-3;
 
 // Rows of the instrument exist for gaps below this, in alarm distances; they are renewed in each solve.
