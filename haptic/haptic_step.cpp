@@ -147,7 +147,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
     const bool removal =
         verdict.render == Render::contact && problem->step != s.step && problem->topology_changed;
     const bool change = s.render != Render::zero && s.render != verdict.render;
-    if ((removal || change) && options.blend_time > 0) start_blend(s.blend, s.rendered, wrench);
+    if ((removal || change) && options.blend_time > 0) start_blend(s.blend, s.rendered);
     if (s.blend.left > 0) answer.status |= status_blending;
     wrench = blended(s.blend, wrench, period, options.blend_time);
   }

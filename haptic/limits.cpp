@@ -33,8 +33,8 @@ Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wren
           last.torque + within(change.torque, torque_step, hit)};
 }
 
-void start_blend(Blend& blend, const Wrench& last, const Wrench& fresh) noexcept {
-  blend.offset = last - fresh;
+void start_blend(Blend& blend, const Wrench& last) noexcept {
+  blend.from = last;
   blend.left = 1;
 }
 
@@ -42,7 +42,7 @@ Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration
   if (blend.left <= 0) return fresh;
   blend.left -= period / (duration + period);
   if (blend.left < 1e-9) blend.left = 0;
-  return fresh + blend.left * blend.offset;
+  return fresh + blend.left * (blend.from - fresh);
 }
 
 }  // namespace hapticd

@@ -2,7 +2,7 @@
 //
 //   saturation   F ← F · min(1, F_max / ‖F‖)                      direction kept
 //   slew         F ← F_last + ΔF · min(1, Ḟ_max T / ‖ΔF‖)         per tick sent, whatever time passed
-//   blend        F ← F + (F_before − F_after) · (1 − (t + T)/(5 ms + T))  after a removal or a stall
+//   blend        F ← F + (F_before − F) · (1 − (t + T)/(5 ms + T))  after a removal or a stall
 //
 // Two points of the ball ‖F‖ ≤ F_max have their segment in it, so slew after saturation obeys both.
 // Torque likewise, with τ_max and the slew Ḟ_max τ_max / F_max (equal time to full scale).
@@ -33,14 +33,14 @@ Wrench saturated(const DeviceSettings& device, const Wrench& w, bool& hit) noexc
 Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wrench& w, double period,
                     bool& hit) noexcept;
 
-// An offset that decays linearly to nothing.
+// A force that was, giving way linearly to the one there is.
 struct Blend {
-  Wrench offset;
+  Wrench from;
   double left = 0;  // 1 → 0
 };
 
-// From now on `fresh` is approached from `last`; a blend under way is replaced.
-void start_blend(Blend& blend, const Wrench& last, const Wrench& fresh) noexcept;
+// From now on the force goes over from `last`; a blend under way is replaced.
+void start_blend(Blend& blend, const Wrench& last) noexcept;
 
 // The blended wrench; one period further each call, none left `duration` after the first.
 Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration) noexcept;
