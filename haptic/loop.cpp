@@ -20,12 +20,6 @@ constexpr auto relaxed = std::memory_order_relaxed;
 // A longer stall than this many slots is recorded only this often: the tick stays bounded.
 constexpr std::int64_t max_recorded_misses = 10'000;
 
-void sleep_until(std::int64_t ns) noexcept {
-  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
-  }
-}
-
 // The loop's thread is the only writer, so load and store suffice.
 template <typename T>
 void add(std::atomic<T>& a, T n) noexcept {
@@ -47,6 +41,12 @@ std::int64_t monotonic_ns() noexcept {
   timespec t;
   clock_gettime(CLOCK_MONOTONIC, &t);
   return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
+}
+
+void sleep_until(std::int64_t ns) noexcept {
+  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
+  }
 }
 
 HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& device,
@@ -107,7 +107,7 @@ void HapticLoop::run_on_arrivals() noexcept {
   bool arrival = false;
   statistics_.first_ns.store(last, relaxed);
   while (!stopping_.load(relaxed)) {
-    const std::int64_t deadline = last + (arrival ? 2 : 1) * period;
+    const std::int64_t deadline = last + (arrival ? 3 * period / 2 : period);
     const std::int64_t arrived = port_.await(deadline);
     const std::int64_t earliest = arrival ? last + timing_.min_answer_ns : last;
     arrival = arrived != 0;

@@ -6,7 +6,7 @@
 // later grid points leaves them out (they are counted as missed) and goes on at the next one: no
 // catch-up bursts. All latencies count from the grid point.
 // Mode `event`: a tick for each arrival, at least `min_answer_ns` after the one before, so that a flood is
-// answered at 2 kHz and no faster; without arrivals a tick 2 T after the last arrival's (a client at 1 kHz is
+// answered at 2 kHz and no faster; without arrivals a tick 1.5 T after the last arrival's (a client at 1 kHz is
 // a little early or late each time) and then each T. A tick's intended time is the arrival, or the end of
 // that wait. The step is told the time since the tick before, at most T: limits per second stay limits per
 // second. Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any;
@@ -30,7 +30,9 @@
 
 namespace hapticd {
 
-std::int64_t monotonic_ns() noexcept;  // CLOCK_MONOTONIC
+// CLOCK_MONOTONIC.
+std::int64_t monotonic_ns() noexcept;
+void sleep_until(std::int64_t ns) noexcept;
 
 // The device's side of the loop. All three are called from the loop's thread only.
 class DevicePort {

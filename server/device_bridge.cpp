@@ -2,16 +2,17 @@
 
 #include <linux/futex.h>
 #include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
+
+#include "server/realtime.h"
 
 namespace hapticd {
 namespace {
 
 constexpr std::int64_t silence_ns = 500'000'000;
+constexpr std::int64_t alarm_period_ns = 1'000'000;  // the loop's
 
 dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void* self) noexcept {
   dds_topic_filter filter{};
@@ -21,12 +22,9 @@ dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void*
   return filter;
 }
 
-// Until the word is no longer `value` or the time has come (CLOCK_MONOTONIC); false: the time has come.
-bool wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, std::int64_t until_ns) noexcept {
-  const timespec t{until_ns / 1'000'000'000, until_ns % 1'000'000'000};
-  return syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, value, &t, nullptr, FUTEX_BITSET_MATCH_ANY) ==
-             0 ||
-         errno != ETIMEDOUT;
+// Until the word is no longer `value`, or for nothing.
+void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t value) noexcept {
+  syscall(SYS_futex, &word, FUTEX_WAIT_PRIVATE, value, nullptr, nullptr, 0);
 }
 
 void wake_one(const std::atomic<std::uint32_t>& word) noexcept {
@@ -76,7 +74,8 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
   return m;
 }
 
-DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events)
+DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events,
+                             std::optional<int> core)
     : device_id_(device_id),
       reader_(participant, state_filter(
                                [](const void* sample, const dds_sample_info_t* info, void* self) {
@@ -92,6 +91,13 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
   dds_lset_data_available(listener.get(),
                           [](dds_entity_t, void* self) { static_cast<DdsDevicePort*>(self)->arrived(); });
   require(dds_set_listener(reader_.handle(), listener.get()), "the listener for device states");
+  alarm_.emplace(
+      alarm_period_ns, [this] { wake(); },
+      [core] {
+        name_thread("haptic_alarm");
+        if (core) use_core(*core);
+        use_fifo(haptic_priority);
+      });
 }
 
 DdsDevicePort::~DdsDevicePort() {
@@ -115,15 +121,27 @@ void DdsDevicePort::arrived() noexcept {
   if (before == taken_.load(std::memory_order_relaxed))
     arrived_ns_.store(monotonic_ns(), std::memory_order_relaxed);
   arrivals_.store(before + 1, std::memory_order_release);
-  wake_one(arrivals_);
+  wake();
+}
+
+void DdsDevicePort::wake() noexcept {
+  bell_.fetch_add(1, std::memory_order_release);
+  wake_one(bell_);
 }
 
 std::int64_t DdsDevicePort::await(std::int64_t until_ns) noexcept {
-  do {
+  if (!alarm_) {
+    sleep_until(until_ns);
+    return 0;
+  }
+  alarm_->set(until_ns);
+  for (;;) {
+    const std::uint32_t rung = bell_.load(std::memory_order_acquire);
     if (arrivals_.load(std::memory_order_acquire) != seen_)
       return arrived_ns_.load(std::memory_order_relaxed);
-  } while (wait_while(arrivals_, seen_, until_ns));
-  return 0;
+    if (monotonic_ns() >= until_ns) return 0;
+    wait_while(bell_, rung);
+  }
 }
 
 bool DdsDevicePort::matching_changed() const noexcept {

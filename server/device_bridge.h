@@ -11,15 +11,18 @@
 // device or from a stranger while the client is heard. Neither can displace the client's states, or keep the
 // loop busy. received_ns: the client's send time, as DDS stamps it, moved into the interval between the
 // previous take and this one: right to microseconds on one machine, and never beyond one tick elsewhere.
-// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex, whose
-// time-out is on CLOCK_MONOTONIC (a waitset's is on the wall clock, which may be set back). It is installed
-// only where `events` says so: the fixed tick has no use for it. Thread safety: one thread, the haptic
-// loop's. Guarantee: take and write allocate nothing after the first few samples; Cyclone's own locks are
+// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; an alarm rings
+// it when the time has come (alarm.h: the wait's own time-out would cost the answer 8 µs). Both are there only
+// where `events` says so: the fixed tick has no use for them. The alarm's thread has the loop's priority where it
+// may. Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first few samples; Cyclone's own locks are
 // held for microseconds by its receive thread, which should therefore run in real time too (dds.h,
 // loopback_realtime).
 #pragma once
 
+#include <optional>
+
 #include "haptic/loop.h"
+#include "server/alarm.h"
 #include "server/dds.h"
 
 namespace hapticd {
@@ -29,7 +32,9 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
 
 class DdsDevicePort final : public DevicePort {
  public:
-  DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events = false);
+  // core: the alarm's; none: any.
+  DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events = false,
+                std::optional<int> core = {});
   ~DdsDevicePort() override;
 
   bool take(std::int64_t now_ns, DeviceSample& sample) noexcept override;
@@ -43,6 +48,7 @@ class DdsDevicePort final : public DevicePort {
   static_assert(std::atomic<std::uint32_t>::is_always_lock_free);
 
   void arrived() noexcept;
+  void wake() noexcept;
   bool wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept;
   bool matching_changed() const noexcept;  // since `departed` looked
   dds_instance_handle_t departed() noexcept;
@@ -68,6 +74,8 @@ class DdsDevicePort final : public DevicePort {
   alignas(64) std::atomic<std::uint32_t> arrivals_{0};  // written by the receive thread
   std::atomic<std::int64_t> arrived_ns_{0};             // the first of those not taken
   std::atomic<std::uint32_t> taken_{0};                 // seen_, as told to the receive thread
+  std::atomic<std::uint32_t> bell_{0};                  // rung by each arrival and by the alarm
+  std::optional<Alarm> alarm_;
 };
 
 }  // namespace hapticd

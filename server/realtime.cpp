@@ -5,6 +5,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -92,6 +93,15 @@ Grant use_core(int core) {
 }
 
 void name_thread(const char* name) noexcept { pthread_setname_np(pthread_self(), name); }
+
+void stand_back() noexcept {
+  constexpr int after_others = 10;
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), after_others);
+  std::vector<int> cores = process_cores();
+  if (cores.size() < 2) return;
+  cores.pop_back();
+  set_cores(cores);
+}
 
 void prefault_stack() noexcept {
   constexpr std::size_t bytes = 512 * 1024, page = 4096;

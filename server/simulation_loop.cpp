@@ -16,12 +16,6 @@
 namespace hapticd {
 namespace {
 
-void sleep_until(std::int64_t ns) {
-  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
-  }
-}
-
 // A base may wait; the step on the same core may not. Refused or not, nothing depends on it.
 void be_nice() {
   constexpr int lowest = 19;

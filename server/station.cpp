@@ -31,7 +31,7 @@ Station::Station(const Scene& scene, const DeviceSettings& device, const Partici
     : device_(device),
       options_(options),
       world_(timed_world(scene, times_)),
-      port_(participant, device.id, options.mode == LoopMode::event),
+      port_(participant, device.id, options.mode == LoopMode::event, options.realtime_core),
       history_(history_ticks),
       simulation_(*world_, times_, scene.rate, instrument_, problems_, snapshots_),
       haptic_(scene.instrument, device_, haptic_options(scene), port_, problems_, instrument_, history_,

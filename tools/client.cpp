@@ -20,12 +20,6 @@ constexpr int slots_before_enable = 50, slots_between_edges = 1000;
 constexpr int rounds_of_phase = 3;
 constexpr double phase_tolerance_us = 150;
 
-void sleep_until(std::int64_t ns) noexcept {
-  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
-  }
-}
-
 }  // namespace
 
 DeviceClient::DeviceClient(const Participant& participant, const ClientSettings& settings, std::int64_t slots)

@@ -30,6 +30,14 @@ double share(std::int64_t part, std::int64_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
+// Of the public tool's wake-ups, those less than a slot late: what the machine alone leaves of the slots.
+double on_time(const Tally& late_us) {
+  std::uint64_t kept = 0;
+  for (const auto& [late, n] : late_us.bins())
+    if (late < 1000) kept += n;
+  return share(static_cast<std::int64_t>(kept), static_cast<std::int64_t>(late_us.count()));
+}
+
 Json minutes(const SoakRecord& r) {
   Json list = Json::array();
   for (const SoakFigures& m : r.minutes)
@@ -69,6 +77,9 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   j["cpu_busy_percent"] = rounded(100 * r.busy, 1);
   j["steal_percent"] = rounded(100 * r.steal, 3);
   j["slots"] = {{"scheduled", both.scheduled}, {"sent", both.sent}, {"answered", both.answered}};
+  j["answered_share"] = rounded(share(both.answered, both.scheduled), 5);
+  const bool tool_woken = r.all.cyclictest_us.count() > 0;
+  j["cyclictest_on_time_share"] = tool_woken ? Json(rounded(on_time(r.all.cyclictest_us), 5)) : Json();
   // Of the fixed tick where there is one; the round trip of the events where there are.
   const ServerFigures& main = ticked ? tick : event;
   j["wake_us"] = to_json(main.wake_us);
@@ -86,7 +97,7 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
                      {"p99", or_null(pinged, r.all.ddsperf.p99())},
                      {"max", or_null(pinged, r.all.ddsperf.max)},
                      {"count", r.all.ddsperf.count}};
-  const bool woken = ticked && r.all.cyclictest_us.count() > 0;
+  const bool woken = ticked && tool_woken;
   const auto over = [](double a, double b) { return b > 0 ? a / b : 0; };
   const double wake_p99 = over(tick.wake_us.percentile(99), r.all.cyclictest_us.percentile(99));
   const double wake_p99_9 = over(tick.wake_us.percentile(99.9), r.all.cyclictest_us.percentile(99.9));
@@ -174,6 +185,9 @@ void print_soak(const Json& j, const std::vector<SoakCheck>& checks) {
   table.emplace_back(
       "slots scheduled / sent / answered",
       s.at("scheduled").dump() + " / " + s.at("sent").dump() + " / " + s.at("answered").dump());
+  if (const Json& on_time = j.at("cyclictest_on_time_share"); !on_time.is_null())
+    table.emplace_back("answered; cyclictest's less than 1 ms late",
+                       j.at("answered_share").dump() + "; " + on_time.dump());
   table.emplace_back("deadline misses, longest gap",
                      j.at("deadline_misses").dump() + ", " + j.at("longest_gap_ms").dump() + " ms");
   table.emplace_back("simulation", j.at("sim_rate_hz").dump() + " Hz");

@@ -88,6 +88,7 @@ int view_recording(const ViewOptions& o) {
 int view_daemon(const ViewOptions& o) {
   std::optional<Security> security;
   if (!o.secure.empty()) security = security_files(o.secure, o.control ? "operator" : o.role);
+  if (!o.control) stand_back();  // before there are threads
   const Domain domain(o.domain, read_dds_profile("loopback"));
   const Participant participant(domain, security);
   LiveSource live(participant);

@@ -2,9 +2,11 @@
 
 #include <pthread.h>
 #include <sched.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -49,6 +51,21 @@ TEST(Realtime, CoreThatDoesNotExistIsRefusedWithItsReason) {
     EXPECT_EQ(grant.what, "core " + std::to_string(core));
     EXPECT_FALSE(grant.detail.empty());
   }
+}
+
+TEST(Realtime, WhoStandsBackIsNeverOnTheLastCoreAndNobodyElseIsMoved) {
+  const int before = cores_of_caller();
+  std::thread([] {
+    const std::vector<int> mine = process_cores();
+    stand_back();
+    std::vector<int> now;
+    std::thread([&] { now = process_cores(); }).join();  // inherited
+    EXPECT_EQ(getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())), 10);
+    if (mine.size() < 2) return;
+    EXPECT_EQ(now, std::vector<int>(mine.begin(), mine.end() - 1));
+  }).join();
+  EXPECT_EQ(cores_of_caller(), before);
+  EXPECT_EQ(getpriority(PRIO_PROCESS, static_cast<id_t>(gettid())), 0);
 }
 
 TEST(Realtime, ScopedCoreIsInheritedWhileItLivesAndGivenBack) {
