@@ -94,7 +94,7 @@ ServerFigures client_slice(const ClientSettings& settings, SoakDaemon* server, S
     server->go_on();
   }
   const auto slots = static_cast<std::int64_t>(1e3 * seconds);
-  const std::int64_t margin = 100;  // slots before the end at which the figures are asked for
+  const std::int64_t margin = 300;  // slots before the end at which the figures are asked for
   ServerFigures figures;
   {
     Session session(options, slots);
