@@ -10,6 +10,7 @@
 
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <thread>
 
@@ -108,6 +109,14 @@ void prefault_stack() noexcept {
   volatile char touched[bytes];
   for (std::size_t i = 0; i < bytes; i += page) touched[i] = 0;
   touched[bytes - 1] = touched[0];
+}
+
+void prefault_heap(std::size_t bytes) noexcept {
+  constexpr std::size_t page = 4096;
+  auto* const block = static_cast<volatile char*>(std::malloc(bytes));
+  if (!block) return;
+  for (std::size_t i = 0; i < bytes; i += page) block[i] = 0;
+  std::free(const_cast<char*>(block));
 }
 
 ScopedCore::ScopedCore(int core) : before_(cores_of_thread()), grant_(use_core(core)) {}

@@ -5,6 +5,7 @@
 // Thread safety: the process-wide ones belong to start-up; the others act on the calling thread.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -53,6 +54,9 @@ Grant use_core(int core);
 void stand_back() noexcept;
 // Touches 512 KiB of stack below the caller, so that no later call faults there.
 void prefault_stack() noexcept;
+// Gives the calling thread's part of malloc (its arena) that much at once, touched. It stays where `keep_malloc_pages`
+// was granted, so that what the thread asks for later comes from pages that are there.
+void prefault_heap(std::size_t bytes) noexcept;
 
 // Calling thread confined to one core while it lives; threads made meanwhile inherit that.
 class ScopedCore {

@@ -10,6 +10,9 @@ namespace hapticd {
 namespace {
 
 constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
+// What a step asks for grows with the largest patch so far, which may come after 20 minutes; the port of a
+// tick asks for messages, and more of them when clients come and go.
+constexpr std::size_t simulation_heap = 16 << 20, haptic_heap = 1 << 20;
 
 nlohmann::json milliseconds(const HistogramSnapshot& h) {
   return {{"p50", 1e-6 * h.percentile(50)},
@@ -50,16 +53,17 @@ Station::Station(const Scene& scene, const DeviceSettings& device, const Partici
 Station::~Station() { stop(); }
 
 std::vector<Grant> Station::start_loops() {
-  // With one core there is nothing to keep apart.
-  if (options_.realtime_core != options_.simulation_core)
-    simulation_.start([core = options_.simulation_core] { use_core(core); });
-  else
-    simulation_.start();
+  simulation_.start([this] {
+    // With one core there is nothing to keep apart.
+    if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
+    prefault_heap(simulation_heap);
+  });
   std::promise<std::vector<Grant>> granted;
   haptic_.start([&granted, core = options_.realtime_core] {
     name_thread("haptic");
     no_log_from_this_thread();
     prefault_stack();
+    prefault_heap(haptic_heap);
     granted.set_value({use_core(core), use_fifo(haptic_priority)});
   });
   return granted.get_future().get();

@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <memory>
 #include <thread>
 #include <vector>
 
@@ -51,6 +52,26 @@ TEST(Realtime, CoreThatDoesNotExistIsRefusedWithItsReason) {
     EXPECT_EQ(grant.what, "core " + std::to_string(core));
     EXPECT_FALSE(grant.detail.empty());
   }
+}
+
+// As the daemon's threads do, behind keep_malloc_pages; an arena of its own, since the thread is new.
+TEST(Realtime, WhatAThreadAsksForLaterComesFromPagesThatAreThere) {
+  keep_malloc_pages();
+  const auto faults = [] {
+    rusage usage{};
+    getrusage(RUSAGE_THREAD, &usage);
+    return usage.ru_minflt + usage.ru_majflt;
+  };
+  std::thread([&] {
+    prefault_heap(4 << 20);
+    const long before = faults();
+    std::vector<std::unique_ptr<char[]>> blocks;
+    blocks.reserve(30);
+    for (int i = 0; i < 30; ++i) {
+      blocks.push_back(std::make_unique<char[]>(100'000));  // written: zeros
+    }
+    EXPECT_LE(faults() - before, 5);
+  }).join();
 }
 
 TEST(Realtime, WhoStandsBackIsNeverOnTheLastCoreAndNobodyElseIsMoved) {
