@@ -56,6 +56,9 @@ TEST(Realtime, CoreThatDoesNotExistIsRefusedWithItsReason) {
 
 // As the daemon's threads do, behind keep_malloc_pages; an arena of its own, since the thread is new.
 TEST(Realtime, WhatAThreadAsksForLaterComesFromPagesThatAreThere) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer has a malloc of its own";
+#endif
   keep_malloc_pages();
   const auto faults = [] {
     rusage usage{};
