@@ -6,7 +6,8 @@
 
 namespace hapticd {
 
-RestPanels::RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy)
+RestPanels::RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy,
+                       PageMemory rounded_memory)
     : rest_dofs_(rest_dofs) {
   const FrontPlan& plan = factor.plan();
   panel_of_.resize(rest_dofs);
@@ -22,7 +23,7 @@ RestPanels::RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_
     tallest = std::max(tallest, front.size);
   }
   value_ = factor.take_values();
-  if (rounded_copy) rounded_ = RoundedPanels(panel_, row_.data(), value_.data());
+  if (rounded_copy) rounded_ = RoundedPanels(panel_, row_.data(), value_.data(), std::move(rounded_memory));
   gathered_.resize(tallest);
   touched_.assign(panel_.size(), 0);
 }
@@ -66,7 +67,7 @@ void RestPanels::backward_full(VecX& x) noexcept {
   }
 }
 
-void RestPanels::forward_sparse(MatX& X, std::span<const int> nonzero, std::vector<int>& reached) {
+void RestPanels::forward_sparse(Eigen::Ref<MatX> X, std::span<const int> nonzero, std::vector<int>& reached) {
   reached.clear();
   std::fill(touched_.begin(), touched_.end(), 0);
   for (const int row : nonzero)

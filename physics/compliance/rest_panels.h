@@ -25,8 +25,13 @@ enum class PanelPrecision : std::uint8_t { full, rounded };
 class RestPanels {
  public:
   RestPanels() = default;
-  // Columns before `rest_dofs`; with a rounded copy beside them or not. The factor is used up.
-  RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy);
+  // Columns before `rest_dofs`; with a rounded copy beside them or not, in memory of an earlier one. The
+  // factor is used up.
+  RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy, PageMemory rounded_memory = {});
+
+  // For the next: the panels are nothing afterwards.
+  PageMemory take_values() noexcept { return std::move(value_); }
+  PageMemory take_rounded_memory() noexcept { return rounded_.take_memory(); }
 
   int rest_dofs() const noexcept { return rest_dofs_; }
   bool has_rounded_copy() const noexcept { return !rounded_.empty(); }
@@ -36,7 +41,7 @@ class RestPanels {
 
   // Forward on columns whose nonzero rest rows are among `nonzero`. `reached` gets the rest rows that may now
   // be nonzero, ascending.
-  void forward_sparse(MatX& X, std::span<const int> nonzero, std::vector<int>& reached);
+  void forward_sparse(Eigen::Ref<MatX> X, std::span<const int> nonzero, std::vector<int>& reached);
 
   std::size_t memory_bytes() const noexcept;
 

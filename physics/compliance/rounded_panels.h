@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "physics/compliance/page_memory.h"
@@ -22,9 +23,11 @@ namespace hapticd {
 class RoundedPanels {
  public:
   RoundedPanels() = default;
-  // Panels, their rows and their values must stay where they are. Other kernels than the best are for tests.
+  // Panels must stay where they are. Other kernels than the best are for tests.
+  // `memory`: of an earlier copy, to be used again.
   RoundedPanels(std::span<const RestPanel> panels, const int* rows, const double* values,
-                const RoundedKernels& kernels = rounded_kernels());
+                PageMemory memory = {}, const RoundedKernels& kernels = rounded_kernels());
+  PageMemory take_memory() noexcept { return std::move(memory_); }
 
   bool empty() const noexcept { return panels_.empty(); }
   std::size_t memory_bytes() const noexcept { return memory_.size() * sizeof(double); }
@@ -34,8 +37,17 @@ class RoundedPanels {
   void backward(VecX& x) noexcept;
 
  private:
+  // Rows below a panel that follow one another.
+  struct Run {
+    int row;
+    int count;
+  };
+
+  void find_runs(const int* rows);
+
   std::span<const RestPanel> panels_;
-  const int* rows_ = nullptr;
+  std::vector<Run> runs_;
+  std::vector<std::size_t> runs_end_;  // per panel
   const RoundedKernels* kernels_ = nullptr;
   PageMemory memory_;
   const std::byte* end_ = nullptr;

@@ -155,6 +155,8 @@ class World {
   void factor(int body);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem);
+  std::vector<int> patch_nodes_of(int body) const;
+  void place_patch(CondensedProblem& problem);
   void compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   void report_compliance(StepReport& report);
   ContactOptions contact_options() const;
@@ -163,6 +165,7 @@ class World {
   void correct_bodies();
   void put_to_sleep();
   bool looks_ahead() const;
+  bool foresees(const Body& body) const;  // the free motion that it looks ahead from, instead of computing it
   PartTimes* times() const { return settings_.compliance_options.times; }
   void look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   Pose pose_ahead(const Pose& X) const;

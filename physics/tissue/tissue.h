@@ -65,11 +65,25 @@ TissueState rest_state(const TissueModel& model);
 // Rotations of all live tetrahedra at x, warm-started from the state's, and which are collapsed; of a linear
 // model they stay.
 void update_rotations(const TissueModel& model, TissueState& state) noexcept;
+// … and `before` gets the live ones as they were, `far` the tetrahedra that turned by more than that [rad] since.
+void update_rotations(const TissueModel& model, TissueState& state, std::vector<Mat3>& before, double turn,
+                      std::vector<int>& far);
 
 // f_int(x) at the state's positions and rotations, and f_ext = gravity · mass, 3·nodes entries [N].
 // Entries of fixed and orphan nodes are zero.
 void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
 void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
+
+// f_int(x) − s K dx in one pass, K as below.
+void internal_forces(const TissueModel& model, const TissueState& state, const VecX& dx, double s,
+                     Eigen::Ref<VecX> f) noexcept;
+
+// f −= s K dx, K of the state's rotations: the law that A is made of.
+void subtract_stiffness(const TissueModel& model, const TissueState& state, const VecX& dx, double s,
+                        Eigen::Ref<VecX> f) noexcept;
+
+// The least signed volume of a live tetrahedron at x, or at x + dx [m³]; not a number where a position is none.
+double least_volume(const TissueModel& model, const TissueState& state, const VecX* dx) noexcept;
 
 // Stored elastic energy [J].
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept;

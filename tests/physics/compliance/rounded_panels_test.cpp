@@ -27,7 +27,7 @@ TEST_P(RoundedPanelsOf, OneColumnByHand) {
   const double value[] = {2, 1, -0.25};
   const int rows[] = {0, 1, 2};
   const RestPanel panel = {0, 1, 3, 0, 0, 3};
-  RoundedPanels panels({&panel, 1}, rows, value, *GetParam());
+  RoundedPanels panels({&panel, 1}, rows, value, {}, *GetParam());
   VecX x(3);
   x << 4, 10, 20;
   panels.forward(x);
@@ -62,7 +62,7 @@ TEST_P(RoundedPanelsOf, HalvesAreNearTheExactAndEachOthersTranspose) {
           for (int i = j; i < p.height; ++i)
             L(rows[p.row + i], p.first + j) = values[p.value + i + j * p.stride] =
                 i == j ? 3 + entry(random) : entry(random) / p.width;
-      RoundedPanels panels(list, rows.data(), values.data(), *GetParam());
+      RoundedPanels panels(list, rows.data(), values.data(), {}, *GetParam());
       const VecX a = VecX::Random(n), b = VecX::Random(n);
       VecX f = a, g = b;
       panels.forward(f);
