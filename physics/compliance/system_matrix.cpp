@@ -187,9 +187,9 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j)
         add(tet[i], tet[j],
-            stiffness_factor(model.material, model.dynamic, h) * stiffness_block(b.col(i), b.col(j), model.volume[t],
-                                                                  model.material.mu(),
-                                                                  model.material.lambda()));
+            stiffness_factor(model.material, model.dynamic, h) *
+                stiffness_block(b.col(i), b.col(j), model.volume[t], model.material.mu(),
+                                model.material.lambda()));
   }
   for (const Collapsed& c : state.collapsed)
     for (int i = 0; state.alive[c.tet] && i < 4; ++i)

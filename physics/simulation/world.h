@@ -7,8 +7,8 @@
 //   4  contact solve, geometry renewed three times; of a far pose, on the way to it first    δ = W λ + δ_free
 //      (with bodies that touch one another: in one solve with theirs, world_contact.cpp)
 //   5  correct: Δx = Δx_free + C Hᵀλ
-//   6  fresh: f_int and free motion at the new state, same factor; where the compliance solves in halves and 7
-//      follows, foreseen from 5 instead (body.h)
+//   6  fresh: f_int and free motion at the new state, same factor; or, where the compliance solves in halves
+//      and 7 follows, foreseen from 5 (body.h)
 //   7  look ahead: the same contact solve where the instrument will be at `lead`, and all bodies linearised
 //      again at what that does to them (look_ahead.h)
 //   8  fill the condensed problem                                (the caller publishes it)
