@@ -51,7 +51,7 @@ struct ComplianceOptions {
   bool rounded_base = false;       // zone: solve with a rounded copy of the base factor (rest_panels.h)
   NodeOrder updown_order = NodeOrder::zone_last;
   Factorisation factorisation = Factorisation::multifrontal;
-  int lazy_rebase_after = 0;  // lazy: removals after which `update` makes a new base; 0: never, as the paper
+  int lazy_rebase_after = 0;   // lazy: removals after which `update` makes a new base; 0: never, as the paper
   PartTimes* times = nullptr;  // of the step it is part of: `update` tells assembly from factor
 };
 
@@ -88,6 +88,9 @@ class Compliance {
   // ignored. Patches of the nodes named first are the cheapest: name the nearest first.
   virtual void move_zone(std::span<const int> nodes) = 0;
 
+  // Nodes next to the zone wanted of the next base: out of it, but their patches are not to be dear.
+  virtual void move_ring(std::span<const int> nodes) { static_cast<void>(nodes); }
+
   // True if `patch` will give every free node of `nodes` after the next `update`.
   virtual bool zone_covers(std::span<const int> nodes) const = 0;
 
@@ -102,6 +105,15 @@ class Compliance {
 
   // y = C b (b and y of 3·nodes entries; may alias).
   virtual void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) = 0;
+
+  // The same in halves, for b that is known before a force on the zone is, f: y = C b on the zone's nodes and
+  // zero elsewhere; then y = C (b + f). True: there are no halves, y is C b everywhere, and nothing to
+  // finish. An update, a removal or a new base in between ends it, and `finish` throws.
+  virtual bool begin(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) {
+    apply(b, y);
+    return true;
+  }
+  virtual void finish(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y);
 
   // C_pp of the given zone nodes, 3·|nodes| square, into `block` (rows of fixed or orphan nodes are zero).
   // Contract: zone_covers(nodes) at the last update; std::invalid_argument otherwise.
@@ -127,7 +139,8 @@ class Compliance {
 std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
                                             const ComplianceOptions& options = {});
 
-// A refactorisation each step: the model of accuracy. Of a linear body only where elements went or the zone moved.
+// A refactorisation each step: the model of accuracy. Of a linear body only where elements went or the zone
+// moved.
 std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
                                                   const ComplianceOptions& options = {});
 

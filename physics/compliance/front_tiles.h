@@ -129,14 +129,19 @@ struct FrontTiles {
           P + row, P + column, stride, column, C, stride, P + column + column * stride, reciprocal + column,
           &ahead};
     };
+    // Row by row of tiles, so that a row of L stays near while the rows above it pass by.
     const int triangle_end = (width + lanes - 1) / lanes * lanes;
-    for (int column = 0; column < width; column += lanes) {
-      const int columns = lesser(lanes, width - column);
-      if (!run<1, Finish::factor>(columns, tile_at(column, column))) return false;
-      for (int row = column + lanes; row < triangle_end; row += most_vectors * lanes)
-        run<Finish::solve>(lesser(most_vectors, (triangle_end - row) / lanes), columns, tile_at(row, column));
+    for (int row = 0; row < triangle_end; row += most_vectors * lanes) {
+      const int end = lesser(row + most_vectors * lanes, triangle_end);
+      for (int column = 0; column < row; column += lanes)
+        run<Finish::solve>((end - row) / lanes, lanes, tile_at(row, column));
+      for (int column = row; column < end; column += lanes) {
+        const int columns = lesser(lanes, width - column);
+        if (!run<1, Finish::factor>(columns, tile_at(column, column))) return false;
+        if (column + lanes < end)
+          run<Finish::solve>((end - column) / lanes - 1, columns, tile_at(column + lanes, column));
+      }
     }
-    // Row by row of tiles, so that a row of L21 stays near while L11 passes by.
     for (int row = triangle_end; row < height; row += most_vectors * lanes)
       for (int column = 0; column < width; column += lanes)
         run<Finish::solve>(lesser(most_vectors, (height - row) / lanes), lesser(lanes, width - column),

@@ -5,11 +5,21 @@
 
 namespace hapticd {
 
+namespace {
+
+// With some to spare, for the order of the next zone.
+void reserve(PageMemory& memory, std::ptrdiff_t numbers) {
+  if (memory.data() && static_cast<std::size_t>(numbers) <= memory.size()) return;
+  memory.reserve(static_cast<std::size_t>(numbers + numbers / 16));
+}
+
+}  // namespace
+
 void MultifrontalFactor::set_order(const SystemMatrix& matrix, std::span<const int> order,
                                    std::span<const std::uint8_t> live_edges, int zone) {
   plan_ = plan_fronts(matrix, order, live_edges, zone);
-  values_.reserve(plan_.values);
-  workspace_.reserve(plan_.workspace + row_multiple);  // what add_child reads behind the last column
+  reserve(values_, plan_.values);
+  reserve(workspace_, plan_.workspace + row_multiple);  // what add_child reads behind the last column
   reciprocal_.resize(3 * plan_.order.size());
   gathered_.resize(plan_.tallest);
   x_.setZero(static_cast<Eigen::Index>(3 * plan_.order.size()));

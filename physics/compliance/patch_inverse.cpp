@@ -4,7 +4,7 @@
 
 namespace hapticd {
 
-void PatchInverse::operator()(const MatX& L, std::span<const int> places, Eigen::Ref<MatX> block) {
+void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
   constexpr int panel = 16;  // nodes
   sorted_.clear();
   for (int k = 0; k < static_cast<int>(places.size()); ++k)

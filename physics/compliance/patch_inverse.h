@@ -18,7 +18,8 @@ namespace hapticd {
 
 class PatchInverse {
  public:
-  void operator()(const MatX& L, std::span<const int> places, Eigen::Ref<MatX> block);
+  using Corner = Eigen::Ref<const MatX, 0, Eigen::OuterStride<>>;
+  void operator()(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block);
 
  private:
   std::vector<int> sorted_;  // indices into places, by place

@@ -26,6 +26,9 @@ struct ResidualSample {
   double answer = 0;    // ‖y‖
 };
 ResidualSample sample_residual(Compliance& compliance, const SystemMatrix& A);
+// … against the A of a state, which is not assembled for it.
+ResidualSample sample_residual(Compliance& compliance, const TissueModel& model, const TissueState& state,
+                               double h);
 
 // The second half; after a further update it is C of then, which to first order is the same.
 SampledError error_of(Compliance& compliance, ResidualSample sample);

@@ -5,12 +5,10 @@
 //
 // so that a solve may use another corner than L_zz between its two halves. Fronts are the factor's own, and
 // so is their memory; one that reaches into the zone is cut at the zone's first column. A solve is bound by
-// memory traffic, so it can go with a rounded copy in single-precision arithmetic: the panels' triangles in
-// single precision, what is below them in 16-bit fixed point, a unit for each column (its largest entry /
-// 32767): a quarter of the bytes, about 1e-4 of the result. `forward_sparse` visits only the panels that few
-// nonzero rows reach, on many right-hand sides at once. Shapes: vectors and columns of 3·nodes in the order's
-// places. Units: L Lᵀ [N/m]. Solves of one vector allocate nothing once one was done; several threads need
-// several objects.
+// memory traffic, so it can go with a rounded copy (rounded_panels.h). `forward_sparse` visits only the
+// panels that few nonzero rows reach, on many right-hand sides at once. Shapes: vectors and columns of
+// 3·nodes in the order's places. Units: L Lᵀ [N/m]. Solves of one vector allocate nothing once one was done;
+// several threads need several objects.
 #pragma once
 
 #include <cstdint>
@@ -18,6 +16,7 @@
 #include <vector>
 
 #include "physics/compliance/multifrontal_factor.h"
+#include "physics/compliance/rounded_panels.h"
 
 namespace hapticd {
 
@@ -26,48 +25,36 @@ enum class PanelPrecision : std::uint8_t { full, rounded };
 class RestPanels {
  public:
   RestPanels() = default;
-  // Columns before `rest_dofs`; with a rounded copy beside them or not. The factor is used up.
-  RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy);
+  // Columns before `rest_dofs`; with a rounded copy beside them or not, in memory of an earlier one. The
+  // factor is used up.
+  RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_copy, PageMemory rounded_memory = {});
+
+  // For the next: the panels are nothing afterwards.
+  PageMemory take_values() noexcept { return std::move(value_); }
+  PageMemory take_rounded_memory() noexcept { return rounded_.take_memory(); }
 
   int rest_dofs() const noexcept { return rest_dofs_; }
-  bool has_rounded_copy() const noexcept { return !unit_.empty(); }
+  bool has_rounded_copy() const noexcept { return !rounded_.empty(); }
 
   void forward(VecX& x, PanelPrecision precision) noexcept;
   void backward(VecX& x, PanelPrecision precision) noexcept;
 
   // Forward on columns whose nonzero rest rows are among `nonzero`. `reached` gets the rest rows that may now
   // be nonzero, ascending.
-  void forward_sparse(MatX& X, std::span<const int> nonzero, std::vector<int>& reached);
+  void forward_sparse(Eigen::Ref<MatX> X, std::span<const int> nonzero, std::vector<int>& reached);
 
   std::size_t memory_bytes() const noexcept;
 
  private:
-  struct Panel {
-    int first;  // column
-    int width;
-    int height;  // rows, the panel's own columns first
-    std::ptrdiff_t row;
-    std::ptrdiff_t value;
-    int stride;                   // of its columns
-    std::ptrdiff_t triangle = 0;  // of the rounded copy
-    std::ptrdiff_t other = 0;
-  };
-
-  void round();
   void forward_full(VecX& x) noexcept;
   void backward_full(VecX& x) noexcept;
-  void forward_rounded(VecX& x) noexcept;
-  void backward_rounded(VecX& x) noexcept;
 
   int rest_dofs_ = 0;
-  std::vector<Panel> panel_;
+  std::vector<RestPanel> panel_;
   std::vector<int> panel_of_;  // per rest column
   std::vector<int> row_;
   PageMemory value_;
-  std::vector<float> triangle_;      // width × width each
-  std::vector<std::int16_t> other_;  // (height − width) × width each
-  std::vector<float> unit_;          // per rest column
-  std::vector<float> single_;        // scratch
+  RoundedPanels rounded_;
   VecX gathered_;
   std::vector<std::uint8_t> touched_;  // per panel
   MatX below_;

@@ -150,6 +150,23 @@ VecX SystemMatrix::multiply(const VecX& x) const {
   return y;
 }
 
+VecX multiply_system_matrix(const TissueModel& model, const TissueState& state, double h, const VecX& x) {
+  const double stiffness = stiffness_factor(model.material, model.dynamic, h);
+  const double mass = mass_factor(model.material, model.dynamic, h);
+  VecX y = VecX::Zero(x.size());
+  subtract_stiffness(model, state, x, -stiffness, y);
+  for (const Collapsed& c : state.collapsed)
+    for (int i = 0; state.alive[c.tet] && i < 4; ++i)
+      for (int j = 0; j < 4; ++j)
+        y.segment<3>(3 * c.node[i]) += stiffness * (guard_block(c, i, j) * x.segment<3>(3 * c.node[j]));
+  for (int n = 0; n < model.node_count(); ++n)
+    if (model.fixed[n] || state.live_tets_of_node[n] == 0)
+      y.segment<3>(3 * n).setZero();
+    else
+      y.segment<3>(3 * n) += mass * state.mass[n] * x.segment<3>(3 * n);
+  return y;
+}
+
 Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state,
                                                    double h) {
   const int dofs = 3 * model.node_count();
@@ -170,9 +187,9 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j)
         add(tet[i], tet[j],
-            stiffness_factor(model.material, model.dynamic, h) * stiffness_block(b.col(i), b.col(j), model.volume[t],
-                                                                  model.material.mu(),
-                                                                  model.material.lambda()));
+            stiffness_factor(model.material, model.dynamic, h) *
+                stiffness_block(b.col(i), b.col(j), model.volume[t], model.material.mu(),
+                                model.material.lambda()));
   }
   for (const Collapsed& c : state.collapsed)
     for (int i = 0; state.alive[c.tet] && i < 4; ++i)

@@ -71,6 +71,9 @@ class SystemMatrix {
   double identity_scale_ = 1;
 };
 
+// A x at a state, element by element without A. Entries outside the system are zero, and have to be in x.
+VecX multiply_system_matrix(const TissueModel& model, const TissueState& state, double h, const VecX& x);
+
 // The same matrix, both triangles, summed element by element without any of the above: for oracles.
 Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, const TissueState& state,
                                                    double h);

@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "physics/compliance/carried_terms.h"
+#include "physics/compliance/dense_factor.h"
 #include "physics/compliance/node_turn.h"
 #include "physics/compliance/patch_inverse.h"
 #include "physics/compliance/residual.h"
 #include "physics/compliance/zone_base.h"
 
-extern "C" void dpotrf_(const char* uplo, const int* n, double* a, const int* lda, int* info);
 #ifdef HAPTICD_OPENBLAS
 extern "C" void openblas_set_num_threads(int threads);
 #endif
@@ -26,7 +26,6 @@ class ZoneCompliance final : public Compliance {
       : model_(model),
         options_(options),
         structure_(std::make_shared<const ZoneStructure>(model, h)),
-        matrix_(structure_->matrix),
         turn_(model),
         wanted_(model.node_count(), 0),
         Q_(model.node_count(), Mat3::Identity()),
@@ -44,6 +43,13 @@ class ZoneCompliance final : public Compliance {
     }
     wanted_ = std::move(wanted);
     wanted_zone_ = std::move(zone);
+    ring_.clear();
+  }
+
+  void move_ring(std::span<const int> nodes) override {
+    ring_.clear();
+    for (const int n : nodes)
+      if (!model_.fixed.at(n) && !wanted_[n]) ring_.push_back(n);
   }
 
   bool zone_covers(std::span<const int> nodes) const override {
@@ -54,7 +60,7 @@ class ZoneCompliance final : public Compliance {
 
   void remove(const TissueState& after, std::span<const int> tets) override {
     if (!base_) return;
-    updated_ = false;
+    updated_ = is_begun_ = false;
     for (const int t : tets) {
       if (gone_[t] || after.alive[t]) continue;
       gone_[t] = 1;
@@ -66,7 +72,7 @@ class ZoneCompliance final : public Compliance {
 
   void update(const TissueState& state) override {
     const Within assembly(options_.times, StepPart::assembly);
-    updated_ = false;
+    updated_ = is_begun_ = false;
     if (!base_) {
       make_now(state);
     } else if (state.removed != gone_count_) {
@@ -86,15 +92,17 @@ class ZoneCompliance final : public Compliance {
     ++base_age_;
     // A step that has just paid for a new base does not pay for a sample too.
     due_ = ++since_sample_ >= options_.sample_every && (base_age_ > 1 || options_.sample_every <= 1);
-    if (due_) since_sample_ = 0;
-    if (due_) matrix_.assemble(state);
     fresh_sample_ = false;
     updated_ = true;
+    if (!due_) return;
+    since_sample_ = 0;
+    half_sample_ = sample_residual(*this, model_, state, structure_->h);
+    Q_at_sample_ = Q_;
+    removed_at_sample_ = gone_count_;
   }
 
   void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
     require_update();
-    const int rest = base_->panels().rest_dofs();
     bool in_rest = false;
     x_.setZero();
     for (int n = 0; n < model_.node_count(); ++n) {
@@ -103,21 +111,37 @@ class ZoneCompliance final : public Compliance {
       x.noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
       in_rest = in_rest || (base_->zone_place(n) < 0 && (x.array() != 0).any());
     }
-    // A force on the zone alone, as of contacts, has nothing for the first half to do.
-    if (in_rest) base_->panels().forward(x_, precision());
-    auto corner = x_.tail(x_.size() - rest);
-    Eigen::Map<MatX> column(x_.data(), x_.size(), 1);
-    if (!carried_.empty()) carried_.before_corner(column, g_, column.bottomRows(corner.size()));
-    L_.triangularView<Eigen::Lower>().solveInPlace(corner);
-    L_.triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
-    if (!carried_.empty()) carried_.after_corner(column.bottomRows(corner.size()), g_, column);
-    base_->panels().backward(x_, precision());
-    for (int n = 0; n < model_.node_count(); ++n) {
+    first_half(x_, g_, in_rest);
+    second_half(x_, g_, y);
+  }
+
+  bool begin(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
+    require_update();
+    begun_.setZero(x_.size());
+    for (int n = 0; n < model_.node_count(); ++n)
       if (in_system_[n])
-        y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * base_->place(n));
-      else
-        y.segment<3>(3 * n).setZero();
-    }
+        begun_.segment<3>(3 * base_->place(n)).noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
+    first_half(begun_, begun_g_, true);
+    is_begun_ = true;
+    corner_ = begun_.tail(corner_size());
+    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner_);
+    y.setZero();
+    for (const int n : base_->zone())
+      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * corner_.segment<3>(3 * base_->zone_place(n));
+    return false;
+  }
+
+  void finish(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) override {
+    require_update();
+    if (!std::exchange(is_begun_, false))
+      throw std::runtime_error("no solve was begun since the last update");
+    corner_.setZero(corner_size());
+    for (const int n : base_->zone())
+      if (in_system_[n])
+        corner_.segment<3>(3 * base_->zone_place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
+    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner_);
+    begun_.tail(corner_size()) += corner_;
+    second_half(begun_, begun_g_, y);
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
@@ -131,7 +155,7 @@ class ZoneCompliance final : public Compliance {
       covered = covered && (!in_system_[n] || places_.back() >= 0);
     }
     if (covered)
-      patch_inverse_(L_, places_, block);
+      patch_inverse_(corner_factor(), places_, block);
     else
       patch_beyond_zone(nodes, block);
     for (std::size_t i = 0; i < nodes.size(); ++i)
@@ -150,11 +174,8 @@ class ZoneCompliance final : public Compliance {
     if (half_sample_ && !due_) {
       sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
     } else if (due_ && !fresh_sample_) {
-      half_sample_ = sample_residual(*this, matrix_);
       // Where samples are rare, their halves fall into two steps.
       if (options_.sample_every <= 1) sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
-      Q_at_sample_ = Q_;
-      removed_at_sample_ = gone_count_;
       fresh_sample_ = true;
     }
     report.residual = sampled_.residual;
@@ -169,13 +190,12 @@ class ZoneCompliance final : public Compliance {
     report.removed_since_base = removed_since_base_;
     report.base_age = base_age_;
     report.memory_bytes = base_->panels().memory_bytes() + carried_.memory_bytes() +
-                          sizeof(double) * static_cast<std::size_t>(L_.size() + base_->outer_corner().size());
+                          2 * sizeof(double) * static_cast<std::size_t>(base_->outer_corner().size());
     return report;
   }
 
   std::unique_ptr<ComplianceBase> snapshot_base(const TissueState& state) override {
-    return std::make_unique<ZoneBase>(structure_, wanted_zone_, state, options_.rounded_base,
-                                      std::move(retired_));
+    return wanted_base(state, std::move(retired_));
   }
 
   void adopt_base(std::unique_ptr<ComplianceBase> base, const TissueState& state) override {
@@ -190,19 +210,53 @@ class ZoneCompliance final : public Compliance {
     return options_.rounded_base ? PanelPrecision::rounded : PanelPrecision::full;
   }
 
+  // Up to L⁻¹ of the corner: all that a force on the zone does not enter before. Such a force alone, as of
+  // contacts, has nothing for the panels to do.
+  void first_half(VecX& x, MatX& g, bool in_rest) {
+    if (in_rest) base_->panels().forward(x, precision());
+    auto corner = x.tail(corner_size());
+    Eigen::Map<MatX> column(x.data(), x.size(), 1);
+    if (!carried_.empty()) carried_.before_corner(column, g, column.bottomRows(corner.size()));
+    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
+  }
+
+  void second_half(VecX& x, MatX& g, Eigen::Ref<VecX> y) {
+    auto corner = x.tail(corner_size());
+    Eigen::Map<MatX> column(x.data(), x.size(), 1);
+    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
+    if (!carried_.empty()) carried_.after_corner(column.bottomRows(corner.size()), g, column);
+    base_->panels().backward(x, precision());
+    for (int n = 0; n < model_.node_count(); ++n) {
+      if (in_system_[n])
+        y.segment<3>(3 * n) = Q_[n] * x.segment<3>(3 * base_->place(n));
+      else
+        y.segment<3>(3 * n).setZero();
+    }
+  }
+
+  DenseFactor::View corner_factor() noexcept { return factor_.matrix(); }
+  Eigen::Index corner_size() const noexcept { return base_->outer_corner().rows(); }
+
   void require_update() const {
     if (!updated_) throw std::runtime_error("the compliance was used before a successful update");
   }
 
   void make_now(const TissueState& state) {
     const Within factor(options_.times, StepPart::factor);
-    auto base = std::make_unique<ZoneBase>(structure_, wanted_zone_, state, options_.rounded_base);
+    auto base = wanted_base(state, nullptr);
     base->make();
     take(std::move(base), state);
   }
 
+  std::unique_ptr<ZoneBase> wanted_base(const TissueState& state, std::unique_ptr<ZoneBase> retired) const {
+    std::vector<int> nodes = wanted_zone_;
+    nodes.insert(nodes.end(), ring_.begin(), ring_.end());
+    return std::make_unique<ZoneBase>(structure_, std::move(nodes), static_cast<int>(wanted_zone_.size()),
+                                      state, options_.rounded_base, std::move(retired));
+  }
+
   void take(std::unique_ptr<ZoneBase> base, const TissueState& state) {
-    updated_ = false;
+    updated_ = is_begun_ = false;
     retired_ = std::move(base_);
     base_ = std::move(base);
     turn_.set_base(base_->state().rotation);
@@ -211,6 +265,7 @@ class ZoneCompliance final : public Compliance {
     Q_at_sample_.clear();
     carried_.clear(3 * model_.node_count());
     x_.resize(3 * model_.node_count());
+    factor_.resize(3 * base_->zone_size());
     gone_.resize(model_.tet_count());
     for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !base_->state().alive[t];
     gone_count_ = base_->state().removed;
@@ -274,21 +329,22 @@ class ZoneCompliance final : public Compliance {
   }
 
   bool factor_corner(const TissueState& state) {
-    L_ = base_->outer_corner();
-    base_->add_inside(state, Q_, L_);
+    const MatX& S_out = base_->outer_corner();
+    auto S = factor_.matrix();
+    for (Eigen::Index j = 0; j < S.cols(); ++j) {
+      const Eigen::Index rows = S.rows() - j / row_multiple * row_multiple;  // whole tiles
+      S.col(j).tail(rows) = S_out.col(j).tail(rows);
+    }
+    base_->add_inside(state, Q_, S);
     for (const int n : base_->zone()) {
       if (in_system_[n]) continue;
       const int p = 3 * base_->zone_place(n);
-      L_.middleRows(p, 3).leftCols(p + 3).setZero();
-      L_.middleCols(p, 3).bottomRows(L_.rows() - p).setZero();
-      L_.diagonal().segment<3>(p).setConstant(base_->identity_scale());
+      S.middleRows(p, 3).leftCols(p + 3).setZero();
+      S.middleCols(p, 3).bottomRows(S.rows() - p).setZero();
+      S.diagonal().segment<3>(p).setConstant(base_->identity_scale());
     }
-    const int size = static_cast<int>(L_.rows());
-    if (size == 0) return true;
     const Within factor(options_.times, StepPart::factor);
-    int info = 0;
-    dpotrf_("L", &size, L_.data(), &size, &info);
-    return info == 0;
+    return factor_.factor();
   }
 
   // Nodes of which some lie outside the zone, by a half solve for each of those: with f the first half of a
@@ -303,22 +359,24 @@ class ZoneCompliance final : public Compliance {
       for (int r = 0; r < 3; ++r) nonzero.push_back(3 * base_->place(nodes[i]) + r);
       places_[i] = -1;
     }
-    patch_inverse_(L_, places_, block);  // rows and columns of those outside stay zero
+    patch_inverse_(corner_factor(), places_, block);  // rows and columns of those outside stay zero
 
-    MatX X = MatX::Zero(x_.size(), static_cast<Eigen::Index>(nonzero.size()));
+    const auto columns = static_cast<Eigen::Index>(nonzero.size());
+    if (beyond_.rows() != x_.size() || beyond_.cols() < columns) beyond_.setZero(x_.size(), columns);
+    auto X = beyond_.leftCols(columns);
     for (std::size_t k = 0; k < nonzero.size(); ++k) X(nonzero[k], static_cast<Eigen::Index>(k)) = 1;
     std::vector<int> reached;
     base_->panels().forward_sparse(X, nonzero, reached);
     const MatX X_r = X(reached, Eigen::all);
     MatX C_uu = X_r.transpose() * X_r;
-    auto corner = X.bottomRows(X.rows() - base_->panels().rest_dofs());
+    auto corner = X.bottomRows(corner_size());
     if (!carried_.empty()) {
       carried_.before_corner(X, g_, corner);
       carried_.add_energy(g_, C_uu);
     }
-    L_.triangularView<Eigen::Lower>().solveInPlace(corner);
+    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
     C_uu.noalias() += corner.transpose() * corner;
-    L_.triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
+    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
     for (std::size_t u = 0; u < outside.size(); ++u) {
       const int at = 3 * outside[u];
       for (std::size_t w = 0; w < outside.size(); ++w)
@@ -330,6 +388,9 @@ class ZoneCompliance final : public Compliance {
         block.block<3, 3>(at, 3 * c) = entry.transpose();
       }
     }
+    for (Eigen::Index k = 0; k < columns; ++k)
+      for (const int row : reached) X(row, k) = 0;
+    corner.setZero();
   }
 
   // Whether the last sample still speaks for this state: nothing turned or was carried since.
@@ -346,9 +407,9 @@ class ZoneCompliance final : public Compliance {
   const TissueModel& model_;
   ComplianceOptions options_;
   std::shared_ptr<const ZoneStructure> structure_;
-  SystemMatrix matrix_;  // the present A, where the error is sampled
   NodeTurn turn_;
   std::vector<int> wanted_zone_;
+  std::vector<int> ring_;
   std::vector<std::uint8_t> wanted_;
 
   std::unique_ptr<ZoneBase> base_;
@@ -365,9 +426,14 @@ class ZoneCompliance final : public Compliance {
   std::vector<Mat3> Q_;
   double largest_turn_ = 0;
   std::vector<std::uint8_t> in_system_;
-  MatX L_;  // of the fresh corner
+  DenseFactor factor_;  // of the fresh corner
   VecX x_;
   MatX g_;
+  MatX beyond_;  // zero between uses
+  VecX begun_;   // of `begin`: as first_half leaves it
+  MatX begun_g_;
+  bool is_begun_ = false;
+  VecX corner_;
   std::vector<int> places_;
   PatchInverse patch_inverse_;
   bool updated_ = false;

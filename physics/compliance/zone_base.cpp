@@ -11,10 +11,11 @@ namespace hapticd {
 ZoneStructure::ZoneStructure(const TissueModel& model, double step)
     : h(step), graph(node_graph(model)), fill_order(fill_reducing_order(graph)), matrix(model, graph, step) {}
 
-ZoneBase::ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone,
+ZoneBase::ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone_and_ring, int zone,
                    const TissueState& state, bool rounded_copy, std::unique_ptr<ZoneBase> retired)
     : structure_(std::move(structure)),
-      zone_(std::move(zone)),
+      zone_and_ring_(std::move(zone_and_ring)),
+      zone_(zone),
       rounded_copy_(rounded_copy),
       retired_(std::move(retired)) {
   state_.rotation = state.rotation;
@@ -25,22 +26,29 @@ ZoneBase::ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<i
 }
 
 void ZoneBase::make() {
-  retired_.reset();
+  MultifrontalFactor factor;
+  PageMemory rounded_memory;
+  if (retired_) {
+    factor.give_memory(retired_->panels_.take_values(), std::move(retired_->workspace_));
+    rounded_memory = retired_->panels_.take_rounded_memory();
+    retired_.reset();
+  }
   SystemMatrix matrix = structure_->matrix;
   matrix.assemble(state_);
   identity_scale_ = matrix.identity_scale();
   const std::vector<std::uint8_t> live = matrix.live_edges(state_);
-  const std::vector<int> order = zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_);
+  const std::vector<int> order =
+      zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_and_ring_);
   rest_ = matrix.node_count() - zone_size();
 
-  MultifrontalFactor factor;
-  factor.set_order(matrix, order, live, zone_size());
+  factor.set_order(matrix, order, live, static_cast<int>(zone_and_ring_.size()));
   factor.factor(matrix);
   place_.resize(order.size());
   for (int n = 0; n < matrix.node_count(); ++n) place_[n] = factor.place(n);
   MatX L_zz;
   factor.trailing_corner(zone_size(), L_zz);
-  panels_ = RestPanels(std::move(factor), 3 * rest_, rounded_copy_);
+  workspace_ = factor.take_workspace();
+  panels_ = RestPanels(std::move(factor), 3 * rest_, rounded_copy_, std::move(rounded_memory));
   S_out_.setZero(L_zz.rows(), L_zz.cols());
   S_out_.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
 
@@ -69,7 +77,8 @@ void ZoneBase::find_inside() {
   }
 }
 
-void ZoneBase::add_inside(const TissueState& now, std::span<const Mat3> Q, MatX& S) const noexcept {
+void ZoneBase::add_inside(const TissueState& now, std::span<const Mat3> Q,
+                          Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
   const SystemMatrix& matrix = structure_->matrix;
   for (const int t : inside_) {
     if (!now.alive[t]) continue;

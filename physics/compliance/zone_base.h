@@ -9,8 +9,10 @@
 // A_in(now) ≥ M_in(now); so S ≥ M(now), which is positive wherever a live element is left. Elements with a
 // node outside the zone must stay as they were in the base: refreshed in A_zz alone, A_out would no longer be
 // a sum of elements, and its Schur complement may have any sign.
-// Shapes: S_out 3·zone square, lower triangle; node k of the zone's last places first. Units: N/m.
-// Source: DESIGN's method `zone`; departure from the paper: no low-rank term inside the zone.
+// The ring, nodes next to the zone, is eliminated just before it, in one front with it: a patch node there
+// costs a half solve of that front alone. Shapes: S_out 3·zone square, lower triangle; node k of the zone's
+// last places first. Units: N/m. Source: DESIGN's method `zone`; departure from the paper: no low-rank term
+// inside the zone.
 #pragma once
 
 #include <memory>
@@ -35,15 +37,18 @@ struct ZoneStructure {
 
 class ZoneBase final : public ComplianceBase {
  public:
-  // Copies what it needs of the state. `retired`: an old base, to be freed by whoever runs `make`.
-  ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone, const TissueState& state,
-           bool rounded_copy, std::unique_ptr<ZoneBase> retired = nullptr);
+  // Copies what it needs of the state. `zone_and_ring`: the first `zone` of them are the zone. `retired`: an
+  // old base, whose memory is used again.
+  ZoneBase(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone_and_ring, int zone,
+           const TissueState& state, bool rounded_copy, std::unique_ptr<ZoneBase> retired = nullptr);
 
   void make() override;
 
   bool made() const noexcept { return made_; }
-  const std::vector<int>& zone() const noexcept { return zone_; }
-  int zone_size() const noexcept { return static_cast<int>(zone_.size()); }
+  std::span<const int> zone() const noexcept {
+    return {zone_and_ring_.data(), static_cast<std::size_t>(zone_)};
+  }
+  int zone_size() const noexcept { return zone_; }
   int place(int node) const noexcept { return place_[node]; }               // in the order
   int zone_place(int node) const noexcept { return place_[node] - rest_; }  // < 0: not in the zone
   const TissueState& state() const noexcept { return state_; }              // without x and v
@@ -59,13 +64,15 @@ class ZoneBase final : public ComplianceBase {
   MatX& outer_corner() noexcept { return S_out_; }
 
   // Adds Qᵀ A_in Q of the live inside elements to the lower triangle of S.
-  void add_inside(const TissueState& now, std::span<const Mat3> Q, MatX& S) const noexcept;
+  void add_inside(const TissueState& now, std::span<const Mat3> Q,
+                  Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept;
 
  private:
   void find_inside();
 
   std::shared_ptr<const ZoneStructure> structure_;
-  std::vector<int> zone_;
+  std::vector<int> zone_and_ring_;
+  int zone_;
   TissueState state_;
   bool rounded_copy_;
   std::unique_ptr<ZoneBase> retired_;
@@ -75,6 +82,7 @@ class ZoneBase final : public ComplianceBase {
   std::vector<int> inside_;
   std::vector<std::uint8_t> is_inside_;
   RestPanels panels_;
+  PageMemory workspace_;  // of the factor, for the next base's
   MatX S_out_;
   double identity_scale_ = 1;
 };

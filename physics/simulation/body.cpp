@@ -13,18 +13,14 @@ constexpr double sleeping_speed = 1e-5;  // [m/s]
 
 constexpr double far_turn = 0.3;  // [rad] in a step
 
-bool turned_far(const Mat3& from, const Mat3& to) {
-  return from.cwiseProduct(to).sum() < 1 + 2 * std::cos(far_turn);  // tr(fromᵀ to) = 1 + 2 cos θ
-}
-
-// Δx_free, where it holds f_int so far.
+// Δx_free, where `dx_free` holds f_int so far.
 void free_motion_of_force(Body& body, double h) {
   external_forces(body.model, body.state, body.scratch);
   body.dx_free += body.scratch;
   for (int n = 0; body.model.dynamic && n < body.model.node_count(); ++n)
     if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
       body.dx_free.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
-  body.compliance->apply(body.dx_free, body.dx_free);
+  begin_free_motion(body, body.dx_free, nullptr);
 }
 
 // In f_int, the force of a tetrahedron: that of the factor's own linear law, R sym(RᵀF), instead of the
@@ -45,6 +41,7 @@ void keep_factored_rotation(Body& body, int t) {
 
 // u = C f_ext is all there is to solve for, once: the compliance of a linear static body never changes.
 void compute_free_displacement(Body& body) {
+  body.half_free = false;
   if (body.under_load.size() == 0) {
     body.under_load = VecX::Zero(body.dx_free.size());
     external_forces(body.model, body.state, body.scratch);
@@ -120,24 +117,63 @@ void compute_free_motion(Body& body, double h) {
 void fresh_free_motion(Body& body, double h) {
   if (!body.model.corotational) return compute_free_motion(body, h);
   const Within free_motion(body.times, StepPart::free_motion);
-  body.factored_rotation = body.state.rotation;
+  std::vector<int> far;
   {
     const Within assembly(body.times, StepPart::assembly);
-    update_rotations(body.model, body.state);
+    update_rotations(body.model, body.state, body.factored_rotation, far_turn, far);
   }
   internal_forces(body.model, body.state, body.dx_free);
-  for (int t = 0; t < body.model.tet_count(); ++t)
-    if (body.state.alive[t] && turned_far(body.factored_rotation[t], body.state.rotation[t]))
-      keep_factored_rotation(body, t);
+  for (const int t : far) keep_factored_rotation(body, t);
   free_motion_of_force(body, h);
+}
+
+void foresee_free_motion(Body& body, double h) {
+  const Within free_motion(body.times, StepPart::free_motion);
+  const TissueModel& m = body.model;
+  const double s = m.dynamic ? 1 + m.material.rayleigh_stiffness / h : 1;
+  const double per_mass = (1 / (h * h) + m.material.rayleigh_mass / h) / s;
+  VecX b = -body.pressed;
+  for (int n = 0; m.dynamic && n < m.node_count(); ++n)
+    b.segment<3>(3 * n) += body.state.mass[n] * ((body.state.v[n] - body.v_before[n]) / h +
+                                                 per_mass * body.dx_free.segment<3>(3 * n));
+  const VecX from = (1 - 1 / s) * body.dx_free;
+  begin_free_motion(body, b, &from);
+}
+
+void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
+  body.in_halves = body.half_free = !body.compliance->begin(b, body.dx_free);
+  if (from)
+    body.begun_from = *from;
+  else
+    body.begun_from.resize(0);
+  if (from) body.dx_free += body.begun_from;
+}
+
+void finish_free_motion(Body& body, const VecX* f) {
+  if (body.half_free) {
+    if (!f) body.scratch.setZero();
+    body.compliance->finish(f ? *f : body.scratch, body.dx_free);
+    if (body.begun_from.size() > 0) body.dx_free += body.begun_from;
+    body.half_free = false;
+  } else if (f) {
+    body.compliance->apply(*f, body.scratch);
+    body.dx_free += body.scratch;
+  }
+}
+
+void know_free_motion(Body& body, std::span<const int> nodes) {
+  if (body.half_free && !body.compliance->zone_covers(nodes)) finish_free_motion(body, nullptr);
 }
 
 void correct(Body& body, const VecX* contact_force, double h) {
   const Within free_motion(body.times, StepPart::free_motion);
-  if (contact_force) {
-    body.compliance->apply(*contact_force, body.scratch);
-    body.dx_free += body.scratch;
-  }
+  finish_free_motion(body, contact_force);
+  if (contact_force)
+    body.pressed = *contact_force;
+  else
+    body.pressed.setZero(body.dx_free.size());
+  body.v_before.swap(body.state.v);
+  body.state.v.resize(body.v_before.size());
   for (int n = 0; n < body.model.node_count(); ++n) {
     body.state.x[n] += body.dx_free.segment<3>(3 * n);
     body.state.v[n] = body.dx_free.segment<3>(3 * n) / h;

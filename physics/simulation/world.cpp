@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
+
+#include "physics/contact/placed_instrument.h"
 
 namespace hapticd {
 namespace {
@@ -12,6 +15,7 @@ constexpr double zone_keep = 1.15;     // in alarm distances: every node this ne
 constexpr double zone_reach = 1.6;     // … and a new zone reaches this far
 constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
 constexpr std::size_t max_zone_nodes = 200;
+constexpr std::size_t max_ring_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps
 constexpr double far_step = 0.6;       // in alarm distances
@@ -81,12 +85,17 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
 
   for (Body& body : bodies_)
     if (body.deformable && !body.asleep) {
-      if (settings_.fresh_free_motion)
-        fresh_free_motion(body, settings_.h);
-      else
+      if (!settings_.fresh_free_motion) {
         update_rotations(body.model, body.state);
+        continue;
+      }
+      if (foresees(body))
+        foresee_free_motion(body, settings_.h);
+      else
+        fresh_free_motion(body, settings_.h);
+      if (!contacts_.empty()) finish_free_motion(body, nullptr);
     }
-  if (settings_.fresh_free_motion) set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  if (settings_.fresh_free_motion) place_patch(problem);
   if (contacts_.any()) condense_bodies(problem, report);
   if (looks_ahead()) look_ahead(sample, problem, report);
   *last_problem_ = problem;
@@ -222,33 +231,34 @@ std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const P
   const double near = zone_keep * settings_.alarm_distance;
 
   const std::size_t nodes = body.state.x.size();
-  std::vector<double> gap(nodes);  // at `adopted`
-  for (std::size_t n = 0; n < nodes; ++n) gap[n] = gap_at(*instrument_, adopted, body.state.x[n]).distance;
-  // Whether the gap at another pose, which is only moved, is below a bound: a gap changes by no more than
-  // that.
-  const auto is_below = [&](double bound, const Pose& pose, int n) {
-    return gap[n] < bound + (pose.p - adopted.p).norm() &&
-           gap_at(*instrument_, pose, body.state.x[n]).distance < bound;
+  const PlacedInstrument at_adopted(*instrument_, adopted), at_replaced(*instrument_, replaced),
+      here(*instrument_, X);
+  std::vector<double> gap(nodes, std::numeric_limits<double>::infinity());  // at `adopted`, of what is near
+  for (std::size_t n = 0; n < nodes; ++n)
+    if (at_adopted.near(body.state.x[n], std::max(reach, near)))
+      gap[n] = at_adopted.gap(body.state.x[n]).distance;
+  const auto is_below = [&](const PlacedInstrument& there, double bound, int n) {
+    return there.near(body.state.x[n], bound) && there.gap(body.state.x[n]).distance < bound;
   };
   std::vector<std::uint8_t> on_surface(nodes, 0), needed(nodes, 0);
   for (const SurfaceFace& face : body.surface.faces()) {
     for (const int n : face.nodes) on_surface[n] = 1;
     if (std::any_of(face.nodes.begin(), face.nodes.end(),
-                    [&](int n) { return gap[n] < near || (rebases_ && is_below(near, X, n)); }))
+                    [&](int n) { return gap[n] < near || (rebases_ && is_below(here, near, n)); }))
       for (const int n : face.nodes) needed[n] = 1;
   }
   std::vector<ZoneNode> wanted;
   for (int n = 0; n < body.model.node_count(); ++n) {
     double least = gap[n];
-    if (rebases_ && is_below(std::min(reach, least), replaced, n))
-      least = gap_at(*instrument_, replaced, body.state.x[n]).distance;
+    if (rebases_ && at_replaced.near(body.state.x[n], std::min(reach, least)))
+      least = std::min(least, at_replaced.gap(body.state.x[n]).distance);
     // Of nodes alike near, those of the surface come first: they are what patches are made of.
     if (least < reach) wanted.push_back({least + (on_surface[n] ? 0 : body.edge), n, needed[n] != 0});
   }
   std::sort(wanted.begin(), wanted.end(), [](const ZoneNode& a, const ZoneNode& b) {
     return a.distance != b.distance ? a.distance < b.distance : a.node < b.node;
   });
-  if (wanted.size() > max_zone_nodes) wanted.resize(max_zone_nodes);
+  if (wanted.size() > max_zone_nodes + max_ring_nodes) wanted.resize(max_zone_nodes + max_ring_nodes);
   return wanted;
 }
 
@@ -265,14 +275,23 @@ void World::update_zone(int b, const InstrumentSample& sample, std::span<const i
     inside[n] = 1;
     if (needed) must.push_back(n);
   };
-  if (sample.present)
-    for (const ZoneNode& wanted : zone_at_instrument(body, sample.pose)) add(wanted.node, wanted.needed);
+  std::vector<int> ring;
+  if (sample.present) {
+    const std::vector<ZoneNode> near = zone_at_instrument(body, sample.pose);
+    for (std::size_t k = 0; k < near.size(); ++k)
+      if (k < max_zone_nodes)
+        add(near[k].node, near[k].needed);
+      else
+        ring.push_back(near[k].node);
+  }
   for (const int n : contacts_.nodes_of(b)) add(n, true);
   const bool covered = body.compliance->zone_covers(must);
   if (!covered) body.base_wanted = true;
   if (!covered && !rebases_) ahead_[b] = 0;
   // A zone for the next base may follow the instrument at every step; one that is factored here may not.
-  if (rebases_ || !covered) body.compliance->move_zone(zone);
+  if (!rebases_ && covered) return;
+  body.compliance->move_zone(zone);
+  body.compliance->move_ring(ring);
 }
 
 void World::factor(int b) {
@@ -283,6 +302,7 @@ void World::factor(int b) {
   }
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
+  if (!contacts_.empty()) finish_free_motion(body, nullptr);  // of any node that may meet another body
 }
 
 void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& report) {
@@ -315,6 +335,21 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
     factor(f.body);
   }
   gatherer_.gather(bodies_, *instrument_, sample.pose, settings_.alarm_distance, near_, problem);
+  place_patch(problem);
+}
+
+std::vector<int> World::patch_nodes_of(int b) const {
+  std::vector<int> nodes;
+  for (const PatchNode& n : gatherer_.nodes())
+    if (n.body == b) nodes.push_back(n.node);
+  return nodes;
+}
+
+void World::place_patch(CondensedProblem& problem) {
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    const Within free_motion(times(), StepPart::free_motion);
+    if (bodies_[b].half_free) know_free_motion(bodies_[b], patch_nodes_of(static_cast<int>(b)));
+  }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
 

@@ -7,7 +7,8 @@
 //   4  contact solve, geometry renewed three times; of a far pose, on the way to it first    δ = W λ + δ_free
 //      (with bodies that touch one another: in one solve with theirs, world_contact.cpp)
 //   5  correct: Δx = Δx_free + C Hᵀλ
-//   6  fresh: f_int and free motion at the new state, same factor
+//   6  fresh: f_int and free motion at the new state, same factor; or, where the compliance solves in halves
+//      and 7 follows, foreseen from 5 (body.h)
 //   7  look ahead: the same contact solve where the instrument will be at `lead`, and all bodies linearised
 //      again at what that does to them (look_ahead.h)
 //   8  fill the condensed problem                                (the caller publishes it)
@@ -155,6 +156,8 @@ class World {
   void factor(int body);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem);
+  std::vector<int> patch_nodes_of(int body) const;
+  void place_patch(CondensedProblem& problem);
   void compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   void report_compliance(StepReport& report);
   ContactOptions contact_options() const;
@@ -163,6 +166,7 @@ class World {
   void correct_bodies();
   void put_to_sleep();
   bool looks_ahead() const;
+  bool foresees(const Body& body) const;  // the free motion that it looks ahead from, instead of computing it
   PartTimes* times() const { return settings_.compliance_options.times; }
   void look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   Pose pose_ahead(const Pose& X) const;

@@ -17,6 +17,11 @@ bool World::looks_ahead() const {
          contacts_.empty();
 }
 
+bool World::foresees(const Body& body) const {
+  return looks_ahead() && body.in_halves && body.model.corotational &&
+         body.model.material.law != Law::guarded;
+}
+
 Pose World::pose_ahead(const Pose& X) const {
   const Vec6 way = settings_.lead * twist_;
   const double most = most_ahead * settings_.alarm_distance;
@@ -48,13 +53,15 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
       contact_force_.segment<3>(3 * nodes[i].node) += force.segment<3>(3 * static_cast<Eigen::Index>(i));
     }
     const bool touched = !contact_force_.isZero(0);
-    if (touched) {
+    {
       const Within free_motion(times(), StepPart::free_motion);
-      body.compliance->apply(contact_force_, contact_force_);
-      body.dx_free += contact_force_;
+      finish_free_motion(body, touched ? &contact_force_ : nullptr);
     }
     if (!can_look_ahead(body)) {
-      if (touched) body.dx_free -= contact_force_;
+      if (foresees(body)) fresh_free_motion(body, settings_.h);
+      if (!touched || foresees(body)) continue;
+      body.compliance->apply(contact_force_, contact_force_);
+      body.dx_free -= contact_force_;
       continue;
     }
     if (sample.present) update_zone(static_cast<int>(b), there, of_body);
@@ -62,7 +69,7 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
     ahead_[b] = 1;
   }
   compliance_of_patch(sample, problem, report);
-  set_patch_positions(bodies_, gatherer_.nodes(), problem);
+  place_patch(problem);
 }
 
 }  // namespace hapticd

@@ -235,6 +235,7 @@ void World::wake_touched(const InstrumentSample& sample) {
       update_zone(b, sample, {});
       body.compliance->update(body.state);
       compute_free_motion(body, settings_.h);
+      finish_free_motion(body, nullptr);
     }
 }
 

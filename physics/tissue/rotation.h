@@ -14,17 +14,15 @@
 
 #include <array>
 
-#include "physics/types.h"
+#include "physics/tissue/element_lanes.h"
 
 namespace hapticd {
 
 Mat3 nearest_rotation(const Mat3& F, const Mat3& start) noexcept;
 
-// The same for several at once, side by side in vector registers; *R[l] is start and result. Results agree
-// with the above to round-off. Several of R may be the same matrix only if their F are the same too.
-inline constexpr int rotation_lanes = 8;
-void nearest_rotations(const std::array<Mat3, rotation_lanes>& F,
-                       std::array<Mat3*, rotation_lanes> R) noexcept;
+// The same for eight at once, side by side in vector registers; *R[l] is start and result. Results agree with
+// the above to round-off. Several of R may be the same matrix only if their F are the same too.
+void nearest_rotations(const Lanes3x3& F, std::array<Mat3*, element_lanes> R) noexcept;
 
 // The same without Newton: signed singular value decomposition, σ₃ taking the sign of det F.
 // `start` only decides between equally near rotations.

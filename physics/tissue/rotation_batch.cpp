@@ -8,17 +8,13 @@ namespace hapticd {
 
 namespace {
 
-constexpr int lanes = rotation_lanes;
+constexpr int lanes = element_lanes;
 constexpr int newton_steps = 5;      // a warm start needs two or three
 constexpr double definite = 1e-9;    // as in rotation.cpp
 constexpr double converged = 1e-16;  // ‖δ‖²; the error left is its square
 
-struct Lanes {
-  double m[9][lanes];  // entries of column-major 3×3 matrices
-};
-
 // One step of Newton–Schulz: squares the distance of R from orthogonality.
-void orthonormalise(Lanes& R) noexcept {
+void orthonormalise(Lanes3x3& R) noexcept {
   for (int l = 0; l < lanes; ++l) {
     double g[3][3];
     for (int i = 0; i < 3; ++i)
@@ -36,7 +32,8 @@ void orthonormalise(Lanes& R) noexcept {
 
 // R ← R exp(δ×) on each lane. `squared` gets ‖δ‖², or infinity where the step cannot be trusted; `value` is
 // tr(RᵀF) before the step, of the step before on entry.
-void newton_step(const Lanes& F, const double* size, Lanes& R, double* value, double* squared) noexcept {
+void newton_step(const Lanes3x3& F, const double* size, Lanes3x3& R, double* value,
+                 double* squared) noexcept {
   for (int l = 0; l < lanes; ++l) {
     double a[3][3];
     for (int i = 0; i < 3; ++i)
@@ -83,16 +80,14 @@ void newton_step(const Lanes& F, const double* size, Lanes& R, double* value, do
 
 }  // namespace
 
-void nearest_rotations(const std::array<Mat3, rotation_lanes>& F,
-                       std::array<Mat3*, rotation_lanes> R) noexcept {
-  Lanes f, r;
+void nearest_rotations(const Lanes3x3& F, std::array<Mat3*, element_lanes> R) noexcept {
+  Lanes3x3 r;
   double size[lanes], value[lanes], squared[lanes];
   for (int l = 0; l < lanes; ++l) {
-    for (int i = 0; i < 9; ++i) {
-      f.m[i][l] = F[l].data()[i];
-      r.m[i][l] = R[l]->data()[i];
-    }
-    size[l] = F[l].norm();
+    r.set(l, R[l]->data());
+    double sum = 0;
+    for (int k = 0; k < 9; ++k) sum += F.m[k][l] * F.m[k][l];
+    size[l] = std::sqrt(sum);
     value[l] = -2 * size[l];
     squared[l] = 0;
   }
@@ -101,7 +96,7 @@ void nearest_rotations(const std::array<Mat3, rotation_lanes>& F,
   bool trusted[lanes];
   std::fill_n(trusted, lanes, true);
   for (int step = 0; step < newton_steps && worst > converged; ++step) {
-    newton_step(f, size, r, value, squared);
+    newton_step(F, size, r, value, squared);
     worst = 0;
     for (int l = 0; l < lanes; ++l) {
       trusted[l] = trusted[l] && squared[l] < 1.0;
@@ -110,9 +105,9 @@ void nearest_rotations(const std::array<Mat3, rotation_lanes>& F,
   }
   for (int l = 0; l < lanes; ++l) {
     if (!trusted[l] || !(squared[l] <= converged))
-      *R[l] = nearest_rotation(F[l], *R[l]);
+      *R[l] = nearest_rotation(F.matrix(l), *R[l]);
     else
-      for (int i = 0; i < 9; ++i) R[l]->data()[i] = r.m[i][l];
+      *R[l] = r.matrix(l);
   }
 }
 

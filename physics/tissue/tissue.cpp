@@ -1,8 +1,10 @@
 #include "physics/tissue/tissue.h"
 
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
+#include "physics/tissue/element_lanes.h"
 #include "physics/tissue/guard.h"
 #include "physics/tissue/rotation.h"
 #include "physics/tissue/surface.h"
@@ -82,42 +84,51 @@ TissueState rest_state(const TissueModel& model) {
   return state;
 }
 
-void update_rotations(const TissueModel& model, TissueState& state) noexcept {
+namespace {
+
+// Calls visit(tets, count, rotations) before and after each eight.
+template <class Before, class After>
+void rotate_all(const TissueModel& model, TissueState& state, const Before& before, const After& after) {
   if (!model.corotational) return;
-  std::array<Mat3, rotation_lanes> F;
-  std::array<Mat3*, rotation_lanes> R;
-  int filled = 0;
   const bool guarded = model.material.law == Law::guarded;
   state.collapsed.clear();
-  for (int t = 0; t < model.tet_count(); ++t) {
-    if (!state.alive[t]) continue;
-    F[filled] = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
-    R[filled] = &state.rotation[t];
-    if (guarded) guard(model, t, F[filled], state);
-    if (++filled < rotation_lanes) continue;
+  each_eight(model, state, [&](const int* tet, int count) {
+    Lanes3x4 x, g;
+    Lanes3x3 F;
+    std::array<Mat3*, element_lanes> R;
+    load_corners(
+        model, tet, [&](int n) { return state.x[n].data(); }, x);
+    load_gradients(model, tet, g);
+    deformation_gradients(x, g, F);
+    for (int l = 0; l < element_lanes; ++l) R[l] = &state.rotation[tet[l]];
+    before(tet, count);
     nearest_rotations(F, R);
-    filled = 0;
-  }
-  for (int l = 0; l < filled; ++l) *R[l] = nearest_rotation(F[l], *R[l]);
+    after(tet, count);
+    for (int l = 0; guarded && l < count; ++l) guard(model, tet[l], F.matrix(l), state);
+  });
 }
 
-void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept {
-  const double mu = model.material.mu();
-  const double lambda = model.material.lambda();
-  f.setZero();
-  for (int t = 0; t < model.tet_count(); ++t) {
-    if (!state.alive[t]) continue;
-    const Tet& tet = model.mesh.tets[t];
-    const Mat3 F = straining(model, deformation_gradient(corners_of(tet, state.x), model.gradients[t]));
-    const Corners force =
-        element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], mu, lambda);
-    for (int a = 0; a < 4; ++a) f.segment<3>(3 * tet[a]) += force.col(a);
-  }
-  for (const Collapsed& c : state.collapsed)
-    for (int a = 0; state.alive[c.tet] && a < 4; ++a)
-      f.segment<3>(3 * c.node[a]) += c.force * c.push.col(a);
-  for (int n = 0; n < model.node_count(); ++n)
-    if (model.fixed[n]) f.segment<3>(3 * n).setZero();
+}  // namespace
+
+void update_rotations(const TissueModel& model, TissueState& state) noexcept {
+  const auto nothing = [](const int*, int) {};
+  rotate_all(model, state, nothing, nothing);
+}
+
+void update_rotations(const TissueModel& model, TissueState& state, std::vector<Mat3>& before, double turn,
+                      std::vector<int>& far) {
+  far.clear();
+  before.resize(state.rotation.size());
+  const double least = 1 + 2 * std::cos(turn);  // tr(beforeᵀ after) = 1 + 2 cos θ
+  rotate_all(
+      model, state,
+      [&](const int* tet, int count) {
+        for (int l = 0; l < count; ++l) before[tet[l]] = state.rotation[tet[l]];
+      },
+      [&](const int* tet, int count) {
+        for (int l = 0; l < count; ++l)
+          if (before[tet[l]].cwiseProduct(state.rotation[tet[l]]).sum() < least) far.push_back(tet[l]);
+      });
 }
 
 void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept {

@@ -22,13 +22,13 @@ using Gradients = Eigen::Matrix<double, 3, 4>;  // ∂N_a/∂X, columns are corn
 struct TissueModel {
   TetMesh mesh;
   Material material;
-  std::vector<Gradients> gradients;      // per tetrahedron, rest shape
-  std::vector<double> volume;            // per tetrahedron [m³]
-  std::vector<int> across;               // faces_across (surface.h)
-  std::vector<std::uint8_t> fixed;       // per node
-  Vec3 gravity = Vec3::Zero();           // [m/s²]
-  bool corotational = true;              // false: every rotation stays the identity, f_int = −K u
-  bool dynamic = true;                   // false: no inertia and no damping, A = K
+  std::vector<Gradients> gradients;  // per tetrahedron, rest shape
+  std::vector<double> volume;        // per tetrahedron [m³]
+  std::vector<int> across;           // faces_across (surface.h)
+  std::vector<std::uint8_t> fixed;   // per node
+  Vec3 gravity = Vec3::Zero();       // [m/s²]
+  bool corotational = true;          // false: every rotation stays the identity, f_int = −K u
+  bool dynamic = true;               // false: no inertia and no damping, A = K
 
   int node_count() const noexcept { return static_cast<int>(mesh.nodes.size()); }
   int tet_count() const noexcept { return static_cast<int>(mesh.tets.size()); }
@@ -42,22 +42,22 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
 struct Collapsed {
   int tet;
   Tet node;
-  Gradients gradients;  // of the rest shape
-  Gradients push;       // ∂J/∂x_a [1/m]
-  double force;         // V p: f_a = force · push_a
+  Gradients gradients;   // of the rest shape
+  Gradients push;        // ∂J/∂x_a [1/m]
+  double force;          // V p: f_a = force · push_a
   double steep, spread;  // K_ab = steep push_a push_bᵀ + spread (g_a·g_b) I
-  double energy;        // [J]
+  double energy;         // [J]
 };
 
 struct TissueState {
-  std::vector<Vec3> x;                   // present positions [m]
-  std::vector<Vec3> v;                   // [m/s]
-  std::vector<Mat3> rotation;            // per tetrahedron, det = +1, warm start for the next
-  std::vector<Collapsed> collapsed;      // of a guarded material, at x, as the rotations
-  std::vector<std::uint8_t> alive;       // per tetrahedron
-  std::vector<double> mass;              // lumped, summed afresh from live tetrahedra [kg]
-  std::vector<int> live_tets_of_node;    // 0: orphan
-  int removed = 0;                       // tetrahedra removed so far
+  std::vector<Vec3> x;                 // present positions [m]
+  std::vector<Vec3> v;                 // [m/s]
+  std::vector<Mat3> rotation;          // per tetrahedron, det = +1, warm start for the next
+  std::vector<Collapsed> collapsed;    // of a guarded material, at x, as the rotations
+  std::vector<std::uint8_t> alive;     // per tetrahedron
+  std::vector<double> mass;            // lumped, summed afresh from live tetrahedra [kg]
+  std::vector<int> live_tets_of_node;  // 0: orphan
+  int removed = 0;                     // tetrahedra removed so far
 };
 
 TissueState rest_state(const TissueModel& model);
@@ -65,11 +65,27 @@ TissueState rest_state(const TissueModel& model);
 // Rotations of all live tetrahedra at x, warm-started from the state's, and which are collapsed; of a linear
 // model they stay.
 void update_rotations(const TissueModel& model, TissueState& state) noexcept;
+// … and `before` gets the live ones as they were, `far` the tetrahedra that turned by more than that [rad]
+// since.
+void update_rotations(const TissueModel& model, TissueState& state, std::vector<Mat3>& before, double turn,
+                      std::vector<int>& far);
 
 // f_int(x) at the state's positions and rotations, and f_ext = gravity · mass, 3·nodes entries [N].
 // Entries of fixed and orphan nodes are zero.
 void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
 void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
+
+// f_int(x) − s K dx in one pass, K as below.
+void internal_forces(const TissueModel& model, const TissueState& state, const VecX& dx, double s,
+                     Eigen::Ref<VecX> f) noexcept;
+
+// f −= s K dx, K of the state's rotations: the law that A is made of.
+void subtract_stiffness(const TissueModel& model, const TissueState& state, const VecX& dx, double s,
+                        Eigen::Ref<VecX> f) noexcept;
+
+// The least signed volume of a live tetrahedron at x, or at x + dx [m³]; not a number where a position is
+// none.
+double least_volume(const TissueModel& model, const TissueState& state, const VecX* dx) noexcept;
 
 // Stored elastic energy [J].
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept;

@@ -42,6 +42,32 @@ TEST(LookAhead, OfWhatStaysIsTheFreeMotionOfAFreshFactor) {
   EXPECT_EQ(body.state.x, other.state.x);
 }
 
+// Halve the motion, and what is foreseen errs by a quarter: of a linear law by nothing.
+TEST(LookAhead, WhatIsForeseenErrsByTheSquareOfTheMotion) {
+  const auto error_of = [](double amplitude) {
+    Body body(soft_block(3), h, Vec3::Zero()), other(soft_block(3), h, Vec3::Zero());
+    VecX f = VecX::Zero(3 * body.model.node_count());
+    for (Body* b : {&body, &other}) {
+      for (int n = 0; n < b->model.node_count(); ++n) {
+        if (b->model.fixed[n]) continue;
+        const double z = b->state.x[n].z();
+        b->state.x[n] += amplitude * Vec3(0.2 * z, 0, 0.1 * z);
+        b->state.v[n] = amplitude * Vec3(0, 10 * z, 0);
+        f.segment<3>(3 * n) = amplitude * Vec3(0, 1e-3, -2e-3);
+      }
+      update_rotations(b->model, b->state);
+      b->compliance->update(b->state);
+      compute_free_motion(*b, h);
+      correct(*b, &f, h);
+    }
+    foresee_free_motion(body, h);
+    fresh_free_motion(other, h);
+    EXPECT_LT((body.dx_free - other.dx_free).norm(), 0.05 * other.dx_free.norm());
+    return (body.dx_free - other.dx_free).norm();
+  };
+  EXPECT_NEAR(error_of(0.02) / error_of(0.01), 4, 0.2);
+}
+
 // M (Δx/h − v)/h + B Δx/h = f_ext + f_int(x + Δx) is where it no longer changes, whatever A was.
 TEST(LookAhead, RepeatedItIsNewtonsMethodForTheNonlinearStep) {
   Body body(soft_block(3), h, Vec3(0, 0, -9.81));

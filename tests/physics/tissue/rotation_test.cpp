@@ -46,9 +46,9 @@ TEST(NearestRotation, SideBySideAsOneByOne) {
   std::mt19937 random(7);
   std::uniform_int_distribution<int> kind(0, 9);
   for (int trial = 0; trial < 3000; ++trial) {
-    std::array<Mat3, rotation_lanes> F, start, result;
-    std::array<Mat3*, rotation_lanes> R;
-    for (int l = 0; l < rotation_lanes; ++l) {
+    std::array<Mat3, element_lanes> F, start, result;
+    std::array<Mat3*, element_lanes> R;
+    for (int l = 0; l < element_lanes; ++l) {
       const Mat3 turn = random_rotation(random);
       start[l] = turn;
       switch (kind(random)) {
@@ -71,8 +71,10 @@ TEST(NearestRotation, SideBySideAsOneByOne) {
       result[l] = start[l];
       R[l] = &result[l];
     }
-    nearest_rotations(F, R);
-    for (int l = 0; l < rotation_lanes; ++l)
+    Lanes3x3 lanes;
+    for (int l = 0; l < element_lanes; ++l) lanes.set(l, F[l].data());
+    nearest_rotations(lanes, R);
+    for (int l = 0; l < element_lanes; ++l)
       ASSERT_LT((result[l] - nearest_rotation(F[l], start[l])).norm(), 1e-10) << F[l];
   }
 }

@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/SparseCholesky>
+#include <cmath>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 
 #include "physics/compliance/system_matrix.h"
+#include "physics/tissue/tetrahedron.h"
 #include "tests/physics/tissue/random_shapes.h"
 #include "tests/support/mesh_shapes.h"
 
@@ -215,6 +218,70 @@ TEST(Tissue, RefusesBadMeshesByName) {
   mesh.tets[2][1] = 8;
   EXPECT_NE(message(mesh, {}).find("tetrahedron 2 "), std::string::npos);
   EXPECT_NE(message(box_mesh(size, 1, 1, 1), {8}).find("fixed node 8"), std::string::npos);
+}
+
+// Eight at a time as one by one, the last few and the dead ones too.
+TEST(Tissue, SumsSideBySideAsOneByOne) {
+  for (const bool corotational : {true, false}) {
+    TissueModel model = box_model(3);
+    model.corotational = corotational;
+    std::mt19937 random(12);
+    TissueState state = rest_state(model);
+    remove_tets(model, state, std::vector<int>{0, 5, 6, 7, 40, 161});
+    ASSERT_NE((model.tet_count() - state.removed) % 8, 0);
+    for (Vec3& x : state.x) x = 1.1 * x + random_vector(random, 3e-4);
+    update_rotations(model, state);
+    VecX expected = VecX::Zero(3 * model.node_count());
+    double least = 1, least_moved = 1;
+    VecX dx = 1e-4 * VecX::Random(expected.size());
+    for (int t = 0; t < model.tet_count(); ++t) {
+      if (!state.alive[t]) continue;
+      Corners x = corners_of(model.mesh.tets[t], state.x);
+      Mat3 F = deformation_gradient(x, model.gradients[t]);
+      if (!corotational) F = 0.5 * (F + F.transpose()).eval();
+      const Corners f =
+          element_forces(F, state.rotation[t], model.gradients[t], model.volume[t], soft.mu(), soft.lambda());
+      for (int a = 0; a < 4; ++a) expected.segment<3>(3 * model.mesh.tets[t][a]) += f.col(a);
+      least = std::min(least, signed_volume(x.col(0), x.col(1), x.col(2), x.col(3)));
+      for (int a = 0; a < 4; ++a) x.col(a) += dx.segment<3>(3 * model.mesh.tets[t][a]);
+      least_moved = std::min(least_moved, signed_volume(x.col(0), x.col(1), x.col(2), x.col(3)));
+    }
+    EXPECT_LT((internal(model, state) - expected).norm(), 1e-13 * expected.norm());
+    VecX both(expected.size());
+    internal_forces(model, state, dx, 0.3, both);
+    subtract_stiffness(model, state, dx, 0.3, expected);
+    EXPECT_LT((both - expected).norm(), 1e-13 * expected.norm());
+    EXPECT_NEAR(least_volume(model, state, nullptr), least, 1e-13 * least);
+    EXPECT_NEAR(least_volume(model, state, &dx), least_moved, 1e-13 * least);
+  }
+}
+
+// s K dx of the law that A is made of: of A without mass, less none.
+TEST(Tissue, StiffnessTimesAMotionIsTheMatrixTimesIt) {
+  const TissueModel model = box_model(3);
+  std::mt19937 random(13);
+  TissueState state = rest_state(model);
+  for (Vec3& x : state.x) x = 1.1 * x + random_vector(random, 3e-4);
+  update_rotations(model, state);
+  remove_tets(model, state, std::vector<int>{3, 4, 77});
+  const double h = 0.02;
+  const VecX x = VecX::Random(3 * model.node_count());
+  const VecX expected = assemble_system_matrix(model, state, h) * x;
+  EXPECT_LT((multiply_system_matrix(model, state, h, x) - expected).norm(), 1e-12 * expected.norm());
+}
+
+TEST(Tissue, TheLeastVolumeByHand) {
+  TetMesh mesh;
+  mesh.nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  mesh.tets = {{0, 1, 2, 3}};
+  const TissueModel model = make_tissue_model(mesh, soft, {}, Vec3::Zero());
+  TissueState state = rest_state(model);
+  EXPECT_DOUBLE_EQ(least_volume(model, state, nullptr), 1.0 / 6);
+  VecX dx = VecX::Zero(12);
+  dx[11] = -2;  // the top corner through the floor
+  EXPECT_DOUBLE_EQ(least_volume(model, state, &dx), -1.0 / 6);
+  dx[11] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(std::isnan(least_volume(model, state, &dx)));
 }
 
 }  // namespace
