@@ -6,7 +6,9 @@
 namespace hapticd {
 namespace {
 
-constexpr double most_parts = 12;  // of the way from where a problem was made
+constexpr double most_parts = 12;          // of the way from where a problem was made
+constexpr double shortest_part = 0.25e-3;  // of a tick [s]
+constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
   return {.now_ns = input.now_ns,
@@ -49,6 +51,22 @@ bool is_finite(const CondensedProblem& problem) noexcept {
 
 const Wrench no_number{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
 
+// The last problem pressed on for the first `part` of this tick, as far as the instrument then was on its way
+// to X. False where nothing is remembered.
+bool press_on(double part, double period, const Pose& X, const Instrument& instrument, ContactOptions contact,
+              HapticState& s) noexcept {
+  const CondensedProblem* before = at_part_of_tick(part, s.patch);
+  if (!before) return false;
+  if (contact.deadline.bounded())
+    contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 2);
+  const Pose there = displaced(s.X, part / period * difference(X, s.X));
+  const ContactSolution solution =
+      solve_contact(*before, instrument, there, part, contact, s.contact, s.scratch);
+  if (solution.status == SolveStatus::solved || solution.residual <= contact.usable_residual)
+    remember(s.scratch.x, s.patch);
+  return true;
+}
+
 Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
                       const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
                       double period, HapticState& s, ForceSample& answer) noexcept {
@@ -58,21 +76,26 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
-  // Tissue gives way from the instant in which elements went, not from the tick before.
-  const bool removal = problem.topology_changed && problem.step != s.patch.step;
-  const double since = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
+  // Tissue gives way from the instant in which elements went; until then what was there before is pressed on.
+  double T = period;
+  if (problem.topology_changed && problem.step != s.patch.step) {
+    const double age = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
+    const double part = period - std::max(age, shortest_part);
+    if (part >= shortest_part && press_on(part, period, X, instrument, contact, s)) T -= part;
+  }
+  s.X = X;
   const CondensedProblem& now =
-      at_tick(problem, options.viscous, removal ? std::clamp(since, 0.0, period) : period, s.patch);
+      at_tick(problem, options.viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
   // A problem that the instrument has outrun is met where it was made, and on the way from there.
   if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
     const Vec6 way = difference(X, problem.X_ref);
     const double parts = std::min(way.head<3>().norm() / contact.margin, most_parts);
     for (int p = 0; parts > 1 && p < parts; ++p)
-      solve_contact(now, instrument, displaced(problem.X_ref, p / parts * way), period, contact, s.contact,
+      solve_contact(now, instrument, displaced(problem.X_ref, p / parts * way), T, contact, s.contact,
                     s.scratch);
   }
   const ContactSolution& solution = s.solution =
-      solve_contact(now, instrument, X, period, contact, s.contact, s.scratch);
+      solve_contact(now, instrument, X, T, contact, s.contact, s.scratch);
   s.solved = true;
   answer.contacts = static_cast<std::uint32_t>(solution.contacts);
   answer.active = static_cast<std::uint32_t>(solution.active);

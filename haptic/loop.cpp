@@ -190,6 +190,10 @@ void HapticLoop::capture_into(Channel<ContactCapture>& captures, std::uint64_t e
 void HapticLoop::capture(const CondensedProblem& problem, const ForceSample& force) noexcept {
   constexpr std::uint64_t ticks_between = 20;
   ++solves_;
+  // A tick that had a removal in it may have been solved in two parts.
+  if (problem.topology_changed && state_->patch.step > 0 &&
+      state_->patch.period < 0.9e-9 * static_cast<double>(options_.watchdog.period_ns))
+    return;
   const bool capped = (force.status & status_solver_cap) != 0;
   if (!capped && (capture_every_ == 0 || solves_ % capture_every_ != 0)) return;
   if (last_capture_ > 0 && force.sequence - last_capture_ < ticks_between) return;

@@ -8,7 +8,6 @@
 namespace hapticd {
 namespace {
 
-constexpr double shortest_tick = 0.5e-3;  // [s]; states that come closer together know no speed
 // Arrivals jitter by less, which is not the hand's; C would be scaled anew in each tick.
 constexpr double same_period = 0.05;  // of it
 constexpr int body_shift = 56;        // of a sample's id (patch.cpp)
@@ -42,12 +41,27 @@ void carry_over(const CondensedProblem& from, const PatchPositions& known, const
   }
 }
 
+// `patch.problem` for T, from where the patch was before.
+void set_period(double T, ViscousPatch& patch) noexcept {
+  CondensedProblem& p = patch.problem;
+  if (std::abs(T - patch.period) <= same_period * patch.period) T = patch.period;
+  if (patch.period != T) {
+    Eigen::Map<MatX> C = p.C();
+    for (int n = 0; n < p.nodes; ++n)
+      C.middleCols<3>(3 * n) *= (1 + patch.relaxation[n] / patch.period) / (1 + patch.relaxation[n] / T);
+    patch.period = T;
+  }
+  for (int n = 0; n < p.nodes; ++n) {
+    const double by_tick = patch.relaxation[n] / T;
+    p.x_free[n] = (patch.equilibrium[n] + by_tick * patch.before[n]) / (1 + by_tick);
+  }
+}
+
 }  // namespace
 
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept {
   if (options.step <= 0 || published.renewal == Renewal::frozen) return published;
-  double T = std::max(period, shortest_tick);
   if (patch.step == 0 || patch.step != published.step) {
     std::array<double, max_patch_nodes> relaxation;
     if (!find_relaxation(published, options, relaxation)) {
@@ -63,20 +77,19 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     patch.relaxation = relaxation;
     patch.step = published.step;
     patch.period = options.step;
+    for (int n = 0; n < published.nodes; ++n) {
+      const double by_step = relaxation[n] / options.step;
+      patch.equilibrium[n] = (1 + by_step) * published.x_free[n] - by_step * published.x_now[n];
+    }
   }
-  if (std::abs(T - patch.period) <= same_period * patch.period) T = patch.period;
-  if (patch.period != T) {
-    Eigen::Map<MatX> C = patch.problem.C();
-    for (int n = 0; n < published.nodes; ++n)
-      C.middleCols<3>(3 * n) *= (1 + patch.relaxation[n] / patch.period) / (1 + patch.relaxation[n] / T);
-    patch.period = T;
-  }
-  for (int n = 0; n < published.nodes; ++n) {
-    const double by_step = patch.relaxation[n] / options.step, by_tick = patch.relaxation[n] / T;
-    const Vec3 equilibrium = (1 + by_step) * published.x_free[n] - by_step * published.x_now[n];
-    patch.problem.x_free[n] = (equilibrium + by_tick * patch.before[n]) / (1 + by_tick);
-  }
+  set_period(period, patch);
   return patch.problem;
+}
+
+const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noexcept {
+  if (patch.step == 0) return nullptr;
+  set_period(period, patch);
+  return &patch.problem;
 }
 
 }  // namespace hapticd

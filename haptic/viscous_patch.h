@@ -9,8 +9,8 @@
 // pushed at constant speed grows over the step instead of being there at once. Mass and αM are left out: at
 // the tick's scale the patch is quasi-static beside its viscosity. At rest both are the same problem.
 // x_before is carried from problem to problem by sample ids; nodes that are new begin where they are, for
-// what was held there has not come up yet. T is at least 0.5 ms; where it changes by more than a twentieth
-// from tick to tick, C_pp is scaled anew (less errs by that share of the viscous force). Units: SI.
+// what was held there has not come up yet. T > 0; where it changes by more than a twentieth from one time to
+// the next, C_pp is scaled anew (less errs by that share of the viscous force). Units: SI.
 // Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
 #pragma once
 
@@ -30,6 +30,7 @@ struct ViscousPatch {
   std::uint64_t step = 0;    // of the problem it was made from; 0: none, nothing is remembered
   double period = 0;         // T that C_pp is of [s]
   PatchPositions before;
+  PatchPositions equilibrium;  // x_eq
   std::array<double, max_patch_nodes> relaxation;
 };
 
@@ -37,7 +38,11 @@ struct ViscousPatch {
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept;
 
-// After the solve of that problem: where it left the patch.
+// The problem of the solve before, for another T: of the part of a tick in which it was the newest. None where
+// nothing is remembered.
+const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noexcept;
+
+// After the solve of either: where it left the patch.
 inline void remember(const PatchPositions& x, ViscousPatch& patch) noexcept { patch.before = x; }
 
 }  // namespace hapticd

@@ -146,6 +146,32 @@ void explain_tolerances(ForceChart& chart) {
     }
 }
 
+// What the blend after a removal does to a hand's steps, and what it costs.
+void explain_blends(ForceChart& chart) {
+  for (const ForcePoint& blended : chart.points) {
+    const double time = blended.config.value("blend", 0.0);
+    if (blended.removals == 0 || time <= 0) continue;
+    nlohmann::ordered_json direct = blended.config;
+    direct.erase("blend");
+    direct.erase("label");
+    for (const ForcePoint& p : chart.points) {
+      nlohmann::ordered_json other = p.config;
+      other.erase("label");
+      other.erase("quick");
+      if (p.trajectory != blended.trajectory || p.removals != blended.removals || other != direct) continue;
+      char text[400];
+      std::snprintf(
+          text, sizeof text,
+          "%s, %d removals: '%s' (%g ms) takes the steps at swaps (p95) from %.1f to %.1f %% of the "
+          "peak, where the reference's own are %.1f, and the RMS error from %.2f to %.2f %%.",
+          p.trajectory.c_str(), p.removals, blended.label.c_str(), 1e3 * time,
+          100 * p.error.swap_step_p95_rel, 100 * blended.error.swap_step_p95_rel,
+          100 * p.error.reference_step_p95_rel, 100 * p.error.rms_rel, 100 * blended.error.rms_rel);
+      chart.notes.push_back(text);
+    }
+  }
+}
+
 }  // namespace
 
 void mark_front(std::vector<ForcePoint>& points) {
@@ -256,6 +282,7 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   }
   mark_front(chart.points);
   explain_tolerances(chart);
+  explain_blends(chart);
   return chart;
 }
 

@@ -13,6 +13,13 @@ constexpr double tick = 1e-3;      // [s]
 constexpr double felt_above = 30;  // [Hz]
 constexpr double onset_at = 0.05;  // of the peak
 
+double p95(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  const auto rank = static_cast<std::size_t>(std::ceil(0.95 * static_cast<double>(values.size())));
+  return values[std::max<std::size_t>(rank, 1) - 1];
+}
+
 double onset(const std::vector<OfflineTick>& ticks, double threshold) {
   for (const OfflineTick& t : ticks)
     if (t.wrench.head<3>().norm() > threshold) return t.t;
@@ -51,7 +58,7 @@ ForceError force_error(const std::vector<OfflineTick>& run, const std::vector<Of
   const std::size_t n = std::min(run.size(), reference.size());
   if (n == 0) return out;
   double square = 0, reference_square = 0, torque_square = 0, torque_peak = 0, largest = 0;
-  std::vector<double> jumps;
+  std::vector<double> jumps, steps, reference_steps, excesses;
   for (std::size_t i = 0; i < n; ++i) {
     const Vec6 e = run[i].wrench - reference[i].wrench;
     const Vec3 f = reference[i].wrench.head<3>();
@@ -62,8 +69,13 @@ ForceError force_error(const std::vector<OfflineTick>& run, const std::vector<Of
     torque_peak = std::max(torque_peak, reference[i].wrench.tail<3>().norm());
     largest = std::max(largest, e.head<3>().norm());
     out.penetration_um = std::max(out.penetration_um, 1e6 * run[i].penetration);
-    if (i > 0 && run[i].swapped)
-      jumps.push_back((e - run[i - 1].wrench + reference[i - 1].wrench).head<3>().norm());
+    if (i == 0 || !run[i].swapped) continue;
+    const Vec3 step = (run[i].wrench - run[i - 1].wrench).head<3>();
+    const Vec3 reference_step = (reference[i].wrench - reference[i - 1].wrench).head<3>();
+    jumps.push_back((step - reference_step).norm());
+    steps.push_back(step.norm());
+    reference_steps.push_back(reference_step.norm());
+    excesses.push_back(std::max(0.0, step.norm() - reference_step.norm()));
   }
   if (out.peak <= 0) return out;
   const auto count = static_cast<double>(n);
@@ -71,11 +83,10 @@ ForceError force_error(const std::vector<OfflineTick>& run, const std::vector<Of
   out.rms_rel_to_rms = std::sqrt(square / reference_square);
   out.max_rel = largest / out.peak;
   out.torque_rms_rel = torque_peak > 0 ? std::sqrt(torque_square / count) / torque_peak : 0;
-  if (!jumps.empty()) {
-    std::sort(jumps.begin(), jumps.end());
-    const auto rank = static_cast<std::size_t>(std::ceil(0.95 * static_cast<double>(jumps.size())));
-    out.swap_jump_p95_rel = jumps[std::max<std::size_t>(rank, 1) - 1] / out.peak;
-  }
+  out.swap_jump_p95_rel = p95(jumps) / out.peak;
+  out.swap_step_p95_rel = p95(steps) / out.peak;
+  out.reference_step_p95_rel = p95(reference_steps) / out.peak;
+  out.swap_excess_p95_rel = p95(excesses) / out.peak;
   const Spectrum spectrum = error_spectrum(run, reference);
   double above = 0;
   for (std::size_t k = 0; k < spectrum.power.size(); ++k)

@@ -2,6 +2,8 @@
 //
 //   e(t) = f(t) − f_ref(t),   relative to the peak ‖f_ref‖ of the window
 //   swap jump: ‖e(t) − e(t − 1 ms)‖ where a new problem comes into use
+//   swap step: ‖f(t) − f(t − 1 ms)‖ there: what a hand feels, right or wrong. The reference has its own, for
+//   tissue that goes under load lets the force fall within a millisecond; excess: the step less that, or 0
 //   buzz: RMS of e above 30 Hz, by its spectrum under a Hann window
 //   onset: when ‖f‖ first passes 5 % of the peak, against the reference's
 //
@@ -19,6 +21,7 @@ struct ForceError {
   double max_rel = 0;
   double torque_rms_rel = 0;  // to the reference's peak torque
   double swap_jump_p95_rel = 0;
+  double swap_step_p95_rel = 0, reference_step_p95_rel = 0, swap_excess_p95_rel = 0;
   double buzz_rms_n = 0;      // in the scene [N]
   double onset_ms = 0;        // later than the reference: positive
   double penetration_um = 0;  // deepest overlap that a solve left

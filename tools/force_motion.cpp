@@ -94,7 +94,8 @@ OfflineInput motion_in_scene(const Scene& scene, const std::filesystem::path& fi
   const std::vector<Vec3> surface = surface_points(tissue_of(scene));
   const Trajectory recording = read_trajectory(file, LengthUnit::metre);
   const bool own = scene.trajectory && std::filesystem::equivalent(*scene.trajectory, file);
-  constexpr double look = 4e-3;  // [s]
+  constexpr double look = 4e-3;          // [s]
+  constexpr double clearance = 0.05e-3;  // above the tissue, of an approach [m]
   OfflineInput input;
   input.motion = own ? mapped(scene, recording) : fitted(scene, surface, recording, settings);
   double first = input.motion.begin();
@@ -110,6 +111,12 @@ OfflineInput motion_in_scene(const Scene& scene, const std::filesystem::path& fi
   if (first >= input.motion.end()) throw InputError(file, 0, "", "never comes near the tissue");
   input.from = std::max(input.motion.begin(), first - settings.lead);
   input.to = std::min(input.motion.end(), input.from + settings.length);
+  if (touches(input.from)) {
+    Pose X = sample_at(input.motion, input.from);
+    const double z = X.p.z();
+    while (overlap(surface, scene.instrument, X) > -clearance) X.p.z() += clearance;
+    input.approach = X.p.z() - z;
+  }
   return input;
 }
 

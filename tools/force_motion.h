@@ -5,8 +5,9 @@
 // are scaled by the scene's position scale, by less if it then ranged farther than `reach` from its middle
 // sideways; its mean orientation becomes the instrument's upright; its middle lies above the middle of the
 // tissue's highest place, so high that the instrument overlaps the tissue at rest by `depth` at most. The
-// window begins `lead` before the instrument first comes to overlap the tissue at rest (of a recording that never
-// leaves it: at its begin). Units: m, s. Errors:
+// window begins `lead` before the instrument first comes to overlap the tissue at rest. Of a recording that
+// never leaves it the window begins where the recording does, and the instrument comes down to there first
+// (OfflineInput::approach). Units: m, s. Errors:
 // InputError for a recording that never comes near (the scene's own).
 #pragma once
 

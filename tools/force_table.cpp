@@ -40,10 +40,27 @@ nlohmann::ordered_json words_of(const YAML::Node& node) {
 }
 
 ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
-  y.only(
-      {"label",     "quick",     "rate",        "compliance",        "warping", "contact", "corotational",
-       "friction",  "rendering", "newest_pose", "fresh_free_motion", "lead",    "viscous", "linearisations",
-       "tolerance", "sweeps",    "blend",       "base_after",        "interim", "meshes"});
+  y.only({"label",
+          "quick",
+          "rate",
+          "compliance",
+          "warping",
+          "contact",
+          "corotational",
+          "friction",
+          "rendering",
+          "newest_pose",
+          "fresh_free_motion",
+          "lead",
+          "viscous",
+          "linearisations",
+          "tolerance",
+          "sweeps",
+          "blend",
+          "base_after",
+          "interim",
+          "interim_after",
+          "meshes"});
   ForceConfiguration c;
   c.label = y.text("label");
   c.quick = y.flag("quick", false);
@@ -70,6 +87,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   if (y.has("sweeps")) c.options.sweeps_only = y.whole("sweeps", 1, 100000);
   if (y.has("blend")) c.options.blend_time = y.number("blend", positive);
   if (y.has("base_after")) c.options.base_after = y.number("base_after", positive);
+  if (y.has("interim_after")) c.options.interim_after = y.number("interim_after", positive);
   if (!y.flag("interim", true)) c.options.interim_after.reset();
   if (raw["meshes"]) c.meshes = read_meshes(raw["meshes"], y.folder());
   c.words = words_of(raw);

@@ -47,6 +47,13 @@ class Cost {
 InstrumentSample instrument_at(const OfflineInput& input, double t) {
   InstrumentSample sample;
   sample.pose = sample_at(input.motion, std::max(t, input.from));
+  if (input.approach > 0 && t < input.from) {
+    constexpr double of_settling = 0.6;
+    const double s = std::clamp((t - input.from + input.settle) / (of_settling * input.settle), 0.0, 1.0);
+    const double smooth =
+        s * s * s * (10 - s * (15 - 6 * s));  // at rest at either end, speed and acceleration
+    sample.pose.p.z() += (1 - smooth) * input.approach;
+  }
   sample.present = true;
   return sample;
 }

@@ -9,8 +9,8 @@
 //
 // Nothing depends on the clock: two runs of the same inputs agree bit for bit, costs excepted, as long as
 // BLAS has one thread. Delays are inputs because the daemon's are not constant; they are the measured
-// medians. Times are seconds of the motion. The first `settle` seconds hold the first pose and are not in the
-// result. Forces are in scene newtons on the instrument, whatever the device's scales; limits (arming ramp,
+// medians. Times are seconds of the motion. The first `settle` seconds hold the first pose, or come down to it,
+// and are not in the result. Forces are in scene newtons on the instrument, whatever the device's scales; limits (arming ramp,
 // saturation, slew) and the blend at removals are off unless asked for, so that errors are the method's.
 // Units: SI. Errors: std::runtime_error from a singular body, std::invalid_argument for a rate above 1 kHz.
 #pragma once
@@ -40,6 +40,9 @@ struct OfflineInput {
   Trajectory motion;
   double from = 0, to = 0;  // [s]
   double settle = 0.1;      // [s]
+  // Of a window that begins in contact: in the first 0.6 of settling the instrument comes down to the first
+  // pose from so high above it (+z of the scene) [m]. Put there at once, what friction holds is chance.
+  double approach = 0;
   RemovalSchedule removals;
 };
 

@@ -117,9 +117,9 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
     hash.pose(p.placement);
     for (const Vec3& v : p.vertices) hash.vector(v);
   }
-  for (const double x :
-       {scene.alarm_distance, scene.sample_spacing, scene.coupling.stiffness,
-        scene.coupling.rotational_stiffness, scene.coupling.damping_time, input.from, input.to, input.settle})
+  for (const double x : {scene.alarm_distance, scene.sample_spacing, scene.coupling.stiffness,
+                         scene.coupling.rotational_stiffness, scene.coupling.damping_time, input.from,
+                         input.to, input.settle, input.approach})
     hash.number(x);
   hash.vector(scene.gravity);
   for (const TrajectorySample& s : input.motion.samples) {

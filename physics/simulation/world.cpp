@@ -324,8 +324,13 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
   problem.topology_changed = topology_changed_;
   problem.alarm_distance = settings_.alarm_distance;
   problem.coupling = settings_.coupling;
-  near_.clear();
-  if (sample.present) collision_.near_faces(sample.pose, near_);
+  // Where the instrument has not moved since the start of the step, they are known.
+  const bool there =
+      was_present_ && sample.pose.p == last_pose_.p && sample.pose.q.coeffs() == last_pose_.q.coeffs();
+  if (!sample.present)
+    near_.clear();
+  else if (!there)
+    collision_.near_faces(sample.pose, near_);
   // The instrument may have come within reach of a sleeping body since the start of the step.
   for (const NearFace& f : near_) {
     Body& body = bodies_[f.body];

@@ -28,7 +28,9 @@ bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& probl
 
   const std::vector<PatchNode> before(gatherer_.nodes().begin(), gatherer_.nodes().end());
   VecX force = VecX::Zero(3 * static_cast<Eigen::Index>(before.size()));
-  if (usable(solve_last_problem(sample))) force = force_on_patch(*last_problem_, *last_scratch_);
+  InstrumentSample then = sample;
+  then.pose = displaced(sample.pose, removal_lead * twist_);
+  if (usable(solve_last_problem(then))) force = force_on_patch(*last_problem_, *last_scratch_);
 
   gather(sample, problem);
   problem.C().setZero();

@@ -52,6 +52,20 @@ struct HapticStep : testing::Test {
     return haptic_step(problem.get(), instrument, device, options, in, *state);
   }
   ForceSample tick(bool taken = true) { return tick(input(taken)); }
+  // Three damped nodes under the tip in the wall's place, each on a spring of its own.
+  void soften() {
+    options.viscous.step = 0.02;
+    options.viscous.relaxation[0] = 2e-3;
+    problem->nodes = 3;
+    const Vec3 corner[] = {{1e-3, -1e-3, 0}, {-1e-3, -1e-3, 0}, {0, 2e-3, 0}};
+    for (int n = 0; n < 3; ++n) {
+      problem->x_free[n] = problem->x_now[n] = corner[n];
+      problem->sample[0].node[n] = n;
+      problem->sample[0].weight[n] = 1.0 / 3;
+    }
+    problem->C().setIdentity();
+    problem->C() *= 1e-3;
+  }
   ForceSample settle() {
     for (int i = 0; i < 120; ++i) tick();
     return tick();
@@ -150,18 +164,6 @@ TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
 
 // Damped tissue that loses elements gives way from then on: the tick after has only so long of it.
 TEST_F(HapticStep, AfterARemovalViscosityCountsFromItsPublication) {
-  options.viscous.step = 0.02;
-  options.viscous.relaxation[0] = 2e-3;
-  const auto soften = [&] {
-    problem->nodes = 3;
-    for (int n = 0; n < 3; ++n) {
-      problem->x_free[n] = problem->x_now[n] = Vec3(n == 1 ? 1e-3 : -1e-3, n - 1.0, 0);
-      problem->sample[0].node[n] = n;
-      problem->sample[0].weight[n] = 1.0 / 3;
-    }
-    problem->C().setIdentity();
-    problem->C() *= 1e-3;
-  };
   soften();
   settle();
   EXPECT_DOUBLE_EQ(state->patch.period, 1e-3);
@@ -173,6 +175,34 @@ TEST_F(HapticStep, AfterARemovalViscosityCountsFromItsPublication) {
   EXPECT_DOUBLE_EQ(state->patch.period, 0.6e-3);
   tick();
   EXPECT_DOUBLE_EQ(state->patch.period, 1e-3);
+}
+
+// Pressed at constant speed the force rises by as much in each tick, whatever part of which was whose.
+TEST_F(HapticStep, ARemovalThatTakesNothingIsNotFelt) {
+  options.blend_time = 0;
+  soften();
+  settle();
+  const auto press = [&] {
+    height -= 1e-6;
+    return tick().force.z();
+  };
+  for (int i = 0; i < 100; ++i) press();
+  publish = false;
+  std::uint64_t step = 1;
+  for (const std::int64_t age : {0, 1, 4, 6, 9, 10}) {
+    double last = press();
+    const double rise = press() - last;
+    ASSERT_GT(rise, 1e-4);
+    last += rise;
+    wall::make(*problem, ++step, now + ms - ms * age / 10);
+    soften();
+    problem->topology_changed = true;
+    for (int i = 0; i < 4; ++i) {
+      const double f = press();
+      EXPECT_NEAR(f - last, rise, 1e-3 * rise) << age << ", tick " << i;
+      last = f;
+    }
+  }
 }
 
 TEST_F(HapticStep, ResumingAfterAStallIsBlended) {

@@ -110,6 +110,26 @@ TEST(ViscousPatch, LetGoItRelaxesToItsEquilibriumInBeta) {
   }
 }
 
+// A tick in two parts, of which the first belongs to the problem before.
+TEST(ViscousPatch, ATickInPartsRelaxesForThemOneAfterTheOther) {
+  const double part = 0.4e-3;
+  const Vec3 equilibrium(0, 0, 1e-3);
+  const auto first = face(1, equilibrium, Vec3::Zero()), second = face(2, equilibrium, Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  EXPECT_EQ(at_part_of_tick(part, *patch), nullptr) << "nothing is remembered";
+  PatchPositions x;
+  x.fill(Vec3::Zero());
+  at_tick(*first, options(), T, *patch);
+  remember(x, *patch);
+  const CondensedProblem* p = at_part_of_tick(part, *patch);
+  ASSERT_NE(p, nullptr);
+  EXPECT_NEAR(p->x_free[1].z(), 1e-3 * (1 - 1 / (1 + part / beta)), 1e-15);
+  EXPECT_NEAR(p->C()(2, 2), 1 / (stiffness * (1 + beta / part)), 1e-15);
+  remember(p->x_free, *patch);
+  EXPECT_NEAR(at_tick(*second, options(), T - part, *patch).x_free[1].z(),
+              1e-3 * (1 - 1 / (1 + part / beta) / (1 + (T - part) / beta)), 1e-15);
+}
+
 TEST(ViscousPatch, AtRestNothingChangesBetweenProblems) {
   const Vec3 place(1e-3, 2e-3, 3e-3);
   auto patch = std::make_unique<ViscousPatch>();

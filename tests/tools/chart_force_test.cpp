@@ -42,6 +42,18 @@ TEST(ForceErrors, OfAConstantOffsetAreTheOffset) {
   EXPECT_NEAR(e.swap_jump_p95_rel, 1.0, 0.01) << "of 19 swaps the one at 0.1 s jumps by 2 N";
 }
 
+// Tissue goes under load: a step that the reference has too is neither jump nor excess.
+TEST(ForceErrors, AtASwapTheStepIsToldFromTheReferencesOwn) {
+  const auto reference = ticks(400, [](double t) { return t < 0.0999 ? 2.0 : 0; });
+  const auto run = ticks(400, [](double t) { return t < 0.0999 ? 2.1 : 0.3; });
+  const ForceError e = force_error(run, reference);
+  EXPECT_NEAR(e.reference_step_p95_rel, 1, 1e-12);
+  EXPECT_NEAR(e.swap_step_p95_rel, 0.9, 1e-12);
+  EXPECT_NEAR(e.swap_jump_p95_rel, 0.1, 1e-12);
+  EXPECT_EQ(e.swap_excess_p95_rel, 0);
+  EXPECT_NEAR(force_error(reference, run).swap_excess_p95_rel, 0.2 / 2.1, 1e-12);
+}
+
 TEST(ForceErrors, ATonePutsItsPowerWhereItIs) {
   const double amplitude = 3e-3;
   for (const double hertz : {10.0, 80.0}) {
@@ -134,6 +146,20 @@ TEST(ForceMotion, AStrangersRecordingIsFittedIntoTheTissue) {
   EXPECT_NEAR(deepest, 0.2e-3, 1e-6);
   EXPECT_LE(rest_overlap(scene, sample_at(input.motion, input.from)), 0);
   EXPECT_GT(rest_overlap(scene, sample_at(input.motion, input.from + 2 * settings.lead)), 0);
+}
+
+// One that never leaves the tissue is come down to: put there at once, what friction holds would be chance.
+TEST(ForceMotion, ARecordingThatBeginsInTheTissueIsApproached) {
+  const Scene scene = read_scene(SOURCE_DIR "/config/scenes/stroke/stroke.yaml");
+  const fs::path file = fs::temp_directory_path() / ("held_" + std::to_string(getpid()) + ".csv");
+  std::ofstream(file) << "t,px,py,pz,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n0.5,0.001,0,0,0,0,0,1\n1,0,0,0,0,0,0,1\n";
+  const OfflineInput input = motion_in_scene(scene, file, {});
+  fs::remove(file);
+  EXPECT_EQ(input.from, 0);
+  Pose X = sample_at(input.motion, input.from);
+  EXPECT_GT(rest_overlap(scene, X), 0.2e-3);
+  X.p.z() += input.approach;
+  EXPECT_LT(rest_overlap(scene, X), 0);
 }
 
 TEST(ReferenceCache, KeepsWhatWasRun) {

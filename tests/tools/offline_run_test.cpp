@@ -69,6 +69,19 @@ TEST_F(OfflineRun, AtRestEveryRenderingAgreesWithTheReference) {
   EXPECT_LT((last(paper) - truth).norm(), 5e-3 * truth.norm());
 }
 
+// A window that begins deep in contact has the force that the way down would have given.
+TEST_F(OfflineRun, AWindowThatBeginsInContactIsComeDownTo) {
+  const OfflineInput whole = press(0.4);
+  OfflineInput window = whole;
+  window.from = 0.3;
+  window.settle = 0.1;
+  window.approach = 2e-3;
+  const auto in_window = run_offline(scene, window, {}), all = run_offline(scene, whole, {});
+  ASSERT_EQ(in_window.ticks.size(), 100u);
+  const Vec3 truth = all.ticks.back().wrench.head<3>();
+  EXPECT_LT((in_window.ticks.back().wrench.head<3>() - truth).norm(), 1e-2 * truth.norm());
+}
+
 TEST_F(OfflineRun, TheScheduleRemovesTheSameEverywhere) {
   OfflineInput input = press(0.12);
   input.removals = {{0.05, 0, {1, 2, 3}}, {0.07, 0, {3, 4}}};
