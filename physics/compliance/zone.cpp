@@ -143,6 +143,15 @@ class ZoneCompliance final : public Compliance {
       }
   }
 
+  double disagreement(const TissueState& state, const VecX& y) override {
+    require_update();
+    matrix_.assemble(state);
+    VecX change = matrix_.multiply(y);
+    apply(change, change);
+    change -= y;
+    return change.lpNorm<Eigen::Infinity>() / std::max(y.lpNorm<Eigen::Infinity>(), 1e-300);
+  }
+
   ComplianceReport report() override {
     require_update();
     ComplianceReport report;

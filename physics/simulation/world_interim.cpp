@@ -18,7 +18,7 @@ constexpr int most_uncovered = 12;  // of a body's nodes in an interim problem
 
 }  // namespace
 
-bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& problem) {
+bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   if (!sample.present || !contacts_.empty() || settings_.contact != Renewal::renewed ||
       last_problem_->step == 0)
     return false;
@@ -30,7 +30,7 @@ bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& probl
   VecX force = VecX::Zero(3 * static_cast<Eigen::Index>(before.size()));
   if (usable(solve_last_problem(sample))) force = force_on_patch(*last_problem_, *last_scratch_);
 
-  gather(sample, problem);
+  gather(sample, problem, report);
   problem.C().setZero();
   const auto patch = gatherer_.nodes();
   // Method zone alone gives what is outside its zone, at half a solve for each.
