@@ -10,8 +10,10 @@ namespace {
 
 constexpr double shortest_tick = 0.5e-3;  // [s]; states that come closer together know no speed
 // Arrivals jitter by less, which is not the hand's; C would be scaled anew in each tick.
-constexpr double same_period = 0.05;  // of it
-constexpr int body_shift = 56;        // of a sample's id (patch.cpp)
+constexpr double same_period = 0.05;      // of it
+constexpr int body_shift = 56;            // of a sample's id (patch.cpp)
+constexpr double quantum_energy = 10e-6;  // that one reading may be worth [J]
+constexpr double quantum_lag = 0.15e-3;   // [s]
 
 // β of each node, from the body in the ids of the samples on it. False if all are zero.
 bool find_relaxation(const CondensedProblem& p, const ViscousOptions& options,
@@ -44,10 +46,15 @@ void carry_over(const CondensedProblem& from, const PatchPositions& known, const
 
 }  // namespace
 
+double lag_for(double quantum, double stiffness, double relaxation, double period) noexcept {
+  return relaxation / period * stiffness * quantum * quantum > quantum_energy ? quantum_lag : 0;
+}
+
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept {
   if (options.step <= 0 || published.renewal == Renewal::frozen) return published;
-  double T = std::max(period, shortest_tick);
+  double T = std::max(period, shortest_tick) + options.lag;
+  patch.share = 1 - options.lag / T;
   if (patch.step == 0 || patch.step != published.step) {
     std::array<double, max_patch_nodes> relaxation;
     if (!find_relaxation(published, options, relaxation)) {
@@ -77,6 +84,14 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     patch.problem.x_free[n] = (equilibrium + by_tick * patch.before[n]) / (1 + by_tick);
   }
   return patch.problem;
+}
+
+void remember(const PatchPositions& x, ViscousPatch& patch) noexcept {
+  if (patch.share == 1) {
+    patch.before = x;
+    return;
+  }
+  for (int n = 0; n < patch.problem.nodes; ++n) patch.before[n] += patch.share * (x[n] - patch.before[n]);
 }
 
 }  // namespace hapticd
