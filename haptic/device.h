@@ -92,6 +92,7 @@ struct DeviceSettings {
   double max_speed = 0;              // a faster jump between states is refused [m/s]
   double workspace_radius = 0;       // [m]
   double damping = 0;                // for "damping only" [N·s/m]
+  double quantum = 0;                // of its encoders, at the stylus [m]; 0: not known
   double position_scale = 1;         // scene metres per device metre
   double force_scale = 1;            // device newtons per scene newton
   Vec3 origin = Vec3::Zero();        // scene point of the device's origin [m]

@@ -9,8 +9,10 @@ namespace hapticd {
 namespace {
 
 // Arrivals jitter by less, which is not the hand's; C would be scaled anew in each tick.
-constexpr double same_period = 0.05;  // of it
-constexpr int body_shift = 56;        // of a sample's id (patch.cpp)
+constexpr double same_period = 0.05;      // of it
+constexpr int body_shift = 56;            // of a sample's id (patch.cpp)
+constexpr double quantum_energy = 10e-6;  // that one reading may be worth [J]
+constexpr double quantum_lag = 0.15e-3;   // [s]
 
 // β of each node, from the body in the ids of the samples on it. False if all are zero.
 bool find_relaxation(const CondensedProblem& p, const ViscousOptions& options,
@@ -41,9 +43,10 @@ void carry_over(const CondensedProblem& from, const PatchPositions& known, const
   }
 }
 
-// `patch.problem` for T, from where the patch was before.
-void set_period(double T, ViscousPatch& patch) noexcept {
+// `patch.problem` for a tick of `period`, from where the patch was before.
+void set_period(double period, ViscousPatch& patch) noexcept {
   CondensedProblem& p = patch.problem;
+  double T = period + patch.lag;
   if (std::abs(T - patch.period) <= same_period * patch.period) T = patch.period;
   if (patch.period != T) {
     Eigen::Map<MatX> C = p.C();
@@ -51,6 +54,7 @@ void set_period(double T, ViscousPatch& patch) noexcept {
       C.middleCols<3>(3 * n) *= (1 + patch.relaxation[n] / patch.period) / (1 + patch.relaxation[n] / T);
     patch.period = T;
   }
+  patch.share = 1 - patch.lag / T;
   for (int n = 0; n < p.nodes; ++n) {
     const double by_tick = patch.relaxation[n] / T;
     p.x_free[n] = (patch.equilibrium[n] + by_tick * patch.before[n]) / (1 + by_tick);
@@ -59,9 +63,14 @@ void set_period(double T, ViscousPatch& patch) noexcept {
 
 }  // namespace
 
+double lag_for(double quantum, double stiffness, double relaxation, double period) noexcept {
+  return relaxation / period * stiffness * quantum * quantum > quantum_energy ? quantum_lag : 0;
+}
+
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept {
   if (options.step <= 0 || published.renewal == Renewal::frozen) return published;
+  patch.lag = options.lag;
   if (patch.step == 0 || patch.step != published.step) {
     std::array<double, max_patch_nodes> relaxation;
     if (!find_relaxation(published, options, relaxation)) {
@@ -90,6 +99,14 @@ const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noex
   if (patch.step == 0) return nullptr;
   set_period(period, patch);
   return &patch.problem;
+}
+
+void remember(const PatchPositions& x, ViscousPatch& patch) noexcept {
+  if (patch.share == 1) {
+    patch.before = x;
+    return;
+  }
+  for (int n = 0; n < patch.problem.nodes; ++n) patch.before[n] += patch.share * (x[n] - patch.before[n]);
 }
 
 }  // namespace hapticd

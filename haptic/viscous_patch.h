@@ -1,11 +1,13 @@
 // The published patch as the haptic tick should see it: viscous forces follow the tick's own time.
 //
 //   published, step h     A = s_h K,  s_h = 1 + β/h,   x_free = (x_eq + (β/h) x_now) / s_h
-//   here, tick T          A = s_T K,  s_T = 1 + β/T,   x_free ← (x_eq + (β/T) x_before) / s_T,  C_pp ← C_pp
-//   s_h/s_T
+//   here, tick T          A = s_T K,  s_T = 1 + β/T',  T' = T + a
+//                         x_free ← (x_eq + (β/T') x_before) / s_T,  C_pp ← C_pp s_h/s_T
+//   after the solve       x_before ← x_before + (T/T') (x − x_before)
 //
 // β: stiffness-proportional damping of the node's body (B = βK), x_before: where the patch was after the tick
-// before. A published problem knows of velocity only that of its own step: in it, the force of tissue that is
+// before, or with a lag a: where the dashpot is, a spring of a's time in series with it (Maxwell, implicit
+// Euler). A published problem knows of velocity only that of its own step: in it, the force of tissue that is
 // pushed at constant speed grows over the step instead of being there at once. Mass and αM are left out: at
 // the tick's scale the patch is quasi-static beside its viscosity. At rest both are the same problem.
 // x_before is carried from problem to problem by sample ids; nodes that are new begin where they are, for
@@ -23,12 +25,20 @@ namespace hapticd {
 struct ViscousOptions {
   double step = 0;                      // h of the simulation [s]; 0: the problem is used as published
   std::array<double, 16> relaxation{};  // β per body, 0 where it has none [s]
+  double lag = 0;                       // a [s]
 };
+
+// The lag of a device whose encoders know positions to `quantum` [m] and that displays the coupling as
+// `stiffness` [N/m]: one quantum read makes β K Δ/T newtons for a tick, so β K Δ²/T of energy that is
+// nobody's work. 0 where that is too little to be felt.
+double lag_for(double quantum, double stiffness, double relaxation, double period) noexcept;
 
 struct ViscousPatch {
   CondensedProblem problem;  // what the tick solves
   std::uint64_t step = 0;    // of the problem it was made from; 0: none, nothing is remembered
-  double period = 0;         // T that C_pp is of [s]
+  double period = 0;         // T' that C_pp is of [s]
+  double lag = 0;            // a [s]
+  double share = 1;          // T/T'
   PatchPositions before;
   PatchPositions equilibrium;  // x_eq
   std::array<double, max_patch_nodes> relaxation;
@@ -43,6 +53,6 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
 const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noexcept;
 
 // After the solve of either: where it left the patch.
-inline void remember(const PatchPositions& x, ViscousPatch& patch) noexcept { patch.before = x; }
+void remember(const PatchPositions& x, ViscousPatch& patch) noexcept;
 
 }  // namespace hapticd

@@ -12,6 +12,7 @@ constexpr NumberRange force_rate{0, 1e5, true, false, "newtons per second"};
 constexpr NumberRange speed{0, 20, true, false, "metres per second"};
 constexpr NumberRange radius{0, 2, true, false, "metres"};
 constexpr NumberRange damping{0, 200, false, false, "newton seconds per metre"};
+constexpr NumberRange quantum{0, 1e-2, false, false, "metres; 0 where it is not known"};
 constexpr NumberRange stiffness{0, 1e6, true, false, "newtons per metre"};
 
 }  // namespace
@@ -19,7 +20,7 @@ constexpr NumberRange stiffness{0, 1e6, true, false, "newtons per metre"};
 DeviceFile read_device(const std::filesystem::path& file) {
   const YamlMap yaml = YamlMap::open(file);
   yaml.only({"device", "id", "max_force", "max_torque", "max_force_rate", "max_speed", "workspace_radius",
-             "max_stiffness", "damping"});
+             "max_stiffness", "damping", "quantum"});
   DeviceFile device;
   device.name = yaml.text("device");
   device.limits.id = yaml.has("id") ? static_cast<std::uint32_t>(yaml.whole("id", 0, 1'000'000)) : 0;
@@ -29,6 +30,7 @@ DeviceFile read_device(const std::filesystem::path& file) {
   device.limits.max_speed = yaml.number("max_speed", speed);
   device.limits.workspace_radius = yaml.number("workspace_radius", radius);
   device.limits.damping = yaml.number("damping", damping);
+  device.limits.quantum = yaml.number("quantum", quantum, 0);
   device.max_stiffness = yaml.number("max_stiffness", stiffness);
   return device;
 }

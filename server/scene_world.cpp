@@ -62,6 +62,11 @@ HapticOptions haptic_options(const Scene& scene) {
   options.viscous.step = 1 / scene.rate;
   for (std::size_t b = 0; b < std::min(scene.bodies.size(), options.viscous.relaxation.size()); ++b)
     options.viscous.relaxation[b] = scene.bodies[b].material.rayleigh_stiffness;
+  const DeviceSettings& device = scene.device;
+  options.viscous.lag =
+      lag_for(device.quantum, scene.coupling.stiffness * device.position_scale * device.force_scale,
+              *std::max_element(options.viscous.relaxation.begin(), options.viscous.relaxation.end()),
+              1e-9 * static_cast<double>(options.watchdog.period_ns));
   return options;
 }
 

@@ -85,7 +85,8 @@ void SimulationLoop::run() {
 InstrumentSample SimulationLoop::latest() {
   instrument_.acquire();
   const InstrumentInput& i = instrument_.front();
-  return {i.X, i.present, (i.buttons & pedal_phaco) != 0, (i.buttons & pedal_aspiration) != 0};
+  return {i.X, i.present, (i.buttons & pedal_phaco) != 0, (i.buttons & pedal_aspiration) != 0,
+          1e-9 * static_cast<double>(i.received_ns)};
 }
 
 void SimulationLoop::adopt_bases() {
@@ -102,6 +103,8 @@ void SimulationLoop::count(const StepReport& report) {
   s.late_removals.fetch_add(report.removed > 0 && !report.interim, std::memory_order_relaxed);
   s.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated), std::memory_order_relaxed);
   s.bases.fetch_add(static_cast<std::uint64_t>(report.bases_adopted), std::memory_order_relaxed);
+  s.bases_on_the_spot.fetch_add(static_cast<std::uint64_t>(report.bases_on_the_spot),
+                                std::memory_order_relaxed);
   bool degraded = false;
   for (const BodyReport& b : report.compliance) {
     degraded = degraded || b.compliance.health == ComplianceHealth::degraded;

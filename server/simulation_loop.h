@@ -37,10 +37,11 @@ struct SimulationStatistics {
   std::atomic<std::uint64_t> aspirated{0};  // fragments
   std::atomic<std::uint64_t> bases{0};      // adopted
   std::atomic<std::uint64_t> bases_failed{0};
-  std::atomic<std::uint64_t> rough_steps{0};  // with a compliance `degraded`
-  std::atomic<double> compliance_error{0};    // largest sampled
-  std::atomic<double> rotation{0};            // largest of a zone node since its base [rad]
-  std::atomic<double> force_peak{0};          // on the instrument [N]
+  std::atomic<std::uint64_t> bases_on_the_spot{0};  // made by a step, for others came too late
+  std::atomic<std::uint64_t> rough_steps{0};        // with a compliance `degraded`
+  std::atomic<double> compliance_error{0};          // largest sampled
+  std::atomic<double> rotation{0};                  // largest of a zone node since its base [rad]
+  std::atomic<double> force_peak{0};                // on the instrument [N]
   std::atomic<double> jump_at_base{0};  // StepReport::handover_jump, largest in steps with a new base alone
   std::atomic<double> jump_at_removal{0};  // … in steps that removed something
   std::atomic<std::int64_t> first_ns{0};   // intended time of the first step

@@ -136,6 +136,7 @@ nlohmann::json Station::summary() const {
   if (s.bases + s.bases_failed > 0) {
     j["bases_adopted"] = s.bases.load();
     j["bases_failed"] = s.bases_failed.load();
+    j["bases_on_the_spot"] = s.bases_on_the_spot.load();
     j["base_ms"] = milliseconds(simulation_.base_time().snapshot());
   }
   j["compliance_error_max"] = s.compliance_error.load();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace hapticd {
 
@@ -12,11 +13,16 @@ constexpr double ramped_up = 0.15;  // of arming: status bits before that are ar
 
 // Press, hold, deeper, hold, and back.
 HandTarget target(const ClosedLoopSettings& s, double t) {
-  const double first = s.press.depth / s.press.speed + s.press.hold;
-  Press deeper = s.press;
+  const double first = s.press.depth / s.press.speed + s.press.hold,
+               second = first + s.deeper / s.press.speed + s.press.hold;
+  Press deeper = s.press, whole = s.press;
   deeper.start = s.press.start + s.press.depth * s.press.direction;
   deeper.depth = s.deeper;
-  HandTarget at = t < first ? target_at(s.press, t) : target_at(deeper, t - first);
+  whole.depth += s.deeper;
+  whole.hold = second - whole.depth / whole.speed;
+  HandTarget at = t < first    ? target_at(s.press, t)
+                  : t < second ? target_at(deeper, t - first)
+                               : target_at(whole, t);
   if (s.sway) at.x += s.sway(t);
   return at;
 }
@@ -93,12 +99,13 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
   ClosedLoopResult result;
   const double first = s.press.depth / s.press.speed + s.press.hold,
                second = first + s.deeper / s.press.speed + s.press.hold;
-  const auto ticks = static_cast<std::int64_t>(std::lround((s.arm + second) / tick_s));
+  const double out = s.let_go ? (s.press.depth + s.deeper) / s.press.speed : 0;
+  const auto ticks = static_cast<std::int64_t>(std::lround((s.arm + second + out) / tick_s));
   HandState hand, turn;
   hand.x = s.press.start;
   Network network(s);
   ForceDelay delay(s.hand.delay), torque_delay(s.hand.delay);
-  double energy = 0, dissipated = 0;
+  double energy = 0, dissipated = 0, waiting = 0;  // waiting: the device's damping of a tick without a force
   Vec3 before = Vec3::Zero();
   for (std::int64_t i = 0; i < ticks; ++i) {
     const double t = tick_s * static_cast<double>(i) - s.arm;
@@ -132,20 +139,23 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
       const double part = static_cast<double>(k) / s.substeps;
       const std::int64_t now = ns + static_cast<std::int64_t>(1e6 * part);
       const Vec3 force = saturated(delay.at(now), s.hand.saturation);
-      const Vec3 x = hand.x;
+      const Vec3 torque = s.turning ? saturated(torque_delay.at(now), s.turning->saturation) : Vec3::Zero();
+      const Vec3 x = hand.x, angle = turn.x;
       hand = advanced(s.hand, hand, target(s, std::max(0.0, t + tick_s * part)), force, h);
-      energy -= force.dot(hand.x - x);
-      dissipated += h * s.hand.device_damping * hand.v.squaredNorm();
-      if (s.turning) {
-        const Vec3 torque = saturated(torque_delay.at(now), s.turning->saturation), angle = turn.x;
-        turn = advanced(*s.turning, turn, {}, torque, h);
-        energy -= torque.dot(turn.x - angle);
-        dissipated += h * s.turning->device_damping * turn.v.squaredNorm();
-      }
+      if (s.turning) turn = advanced(*s.turning, turn, {}, torque, h);
+      energy -= force.dot(hand.x - x) + torque.dot(turn.x - angle);
+      double damped = h * s.hand.device_damping * hand.v.squaredNorm();
+      if (s.turning) damped += h * s.turning->device_damping * turn.v.squaredNorm();
+      const bool pushes = force != Vec3::Zero() || torque != Vec3::Zero();
+      if (pushes)
+        dissipated += damped + std::exchange(waiting, 0);
+      else
+        waiting = damped + (k == 0 ? 0 : waiting);
       result.energy_min = std::min(result.energy_min, energy);
       result.surplus_min = std::min(result.surplus_min, energy + dissipated);
     }
   }
+  result.surplus_end = energy + dissipated;
   const Plateau one = plateau(result.ticks, first, s.press.hold),
                 two = plateau(result.ticks, second, s.press.hold);
   result.swing = std::max(one.swing, two.swing);

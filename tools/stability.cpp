@@ -78,6 +78,7 @@ bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityCh
   const Scene cataract = read_scene(config_directory() / "scenes/cataract/cataract.yaml");
   RandomSettings random;
   random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 5000 : 1'000'000;
+  random.seed = settings.random_seed;
   random.passivity_control = true;
   bool on = true;
   chart.random.push_back(run_random(cataract, random, [&](double f) { return on = progress(0.9 * f); }));

@@ -66,6 +66,7 @@ struct StabilitySettings {
   bool quick = false;
   std::vector<std::string> only;  // modes by name; empty: all
   std::int64_t random_ticks = 0;  // of mode `random`; 0: 10⁶, quick 5000
+  std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
 };
 
 std::vector<std::string> stability_mode_names();

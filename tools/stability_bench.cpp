@@ -29,6 +29,7 @@ ClosedLoopResult StabilityBench::daemon(double force_scale, const ClosedLoopSett
                                         const VirtualDaemonOptions& options, double rate) const {
   Scene scene = scene_;
   scene.device.force_scale = force_scale;
+  scene.device.quantum = s.hand.quantum;
   scene.rate = rate;
   VirtualDaemon daemon(scene, options);
   return run_closed_loop(daemon, s);
@@ -65,8 +66,8 @@ double StabilityBench::displayed(double force_scale, const ClosedLoopResult& r) 
 
 ClosedLoopResult StabilityBench::wall(double stiffness, const ClosedLoopSettings& s,
                                       double damping_time) const {
-  SpringWall wall(s.press.start + (s.press.depth - 2e-3) * s.press.direction, -s.press.direction, stiffness,
-                  damping_time);
+  const Press& p = press_.press;
+  SpringWall wall(p.start + (p.depth - 2e-3) * p.direction, -p.direction, stiffness, damping_time);
   return run_closed_loop(wall, s);
 }
 

@@ -237,6 +237,9 @@ Command add_stability(CLI::App& application) {
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
   app->add_option("--ticks", options->settings.random_ticks, "of the random loop, default a million")
       ->check(CLI::PositiveNumber);
+  app->add_option("--seed", options->settings.random_seed,
+                  "of the random loop's first episode of 40 000 ticks; the next has the next")
+      ->check(CLI::PositiveNumber);
   app->footer(
       "Exit code 1 where the daemon breaks within what is required of it.\n"
       "Example: haptic stability --quick --out build/stability");

@@ -34,6 +34,7 @@ std::string scene_file(const std::filesystem::path& folder, double force_scale) 
   std::string device = read_bytes(config_directory() / "devices/touch.yaml");
   device = replaced(device, "max_force: 3.3", "max_force: 200");
   device = replaced(device, "max_force_rate: 200", "max_force_rate: 1.0e5");
+  device = replaced(device, "quantum: 55.0e-6", "quantum: 20.0e-6");  // the hand's
   write_file((folder / "device.yaml").string(), device);
   std::string scene = read_bytes(cube / "cube.yaml");
   scene = replaced(scene, "mesh: cube.msh", "mesh: " + (cube / "cube.msh").string());

@@ -12,42 +12,72 @@ namespace {
 
 constexpr double tissue_viscosity = 2e-3;  // of the cube, stiffness-proportional [s]
 
-template <class Run, class Displayed>
-Largest largest(const Run& run, const HandSettings& hand, double from, double to, double factor,
-                const Displayed& displayed) {
-  Largest found;
-  bool steady = true, passive = true;
-  for (double value = from; value <= to && (steady || passive); value *= factor) {
-    const ClosedLoopResult r = run(value);
-    steady = steady && !swings(r, hand);
-    passive = passive && !makes_energy(r) && !swings(r, hand);
-    if (steady) found.steady = displayed(value, r);
-    if (passive) found.passive = displayed(value, r);
+// A press meets ticks and quanta by chance: what is sound is sound wherever it starts, of four places that no
+// quantum or tick divides evenly.
+constexpr int starts = 4;
+constexpr double between_starts = 12e-6;  // [m]
+
+// Up by √2 until `breaks`, then by halves until what is sound and what breaks are a factor apart.
+template <class Breaks>
+double last_sound(const Breaks& breaks, double from, double to, double factor) {
+  double sound = 0, broken = from;
+  while (broken <= to && !breaks(broken)) {
+    sound = broken;
+    broken *= std::numbers::sqrt2;
   }
-  return found;
+  while (sound > 0 && broken > sound * factor) {
+    const double middle = std::sqrt(sound * broken);
+    (breaks(middle) ? broken : sound) = middle;
+  }
+  return sound;
+}
+
+// run(value, settings): one press. displayed(value, result): what is felt then.
+template <class Run, class Displayed>
+Largest largest(const Run& run, const ClosedLoopSettings& s, double from, double to, double factor,
+                const Displayed& displayed) {
+  const auto any = [&](double value, const auto& unsound) {
+    ClosedLoopSettings there = s;
+    for (int k = 0; k < starts; ++k) {
+      if (unsound(run(value, there))) return true;
+      there.press.start -= between_starts * s.press.direction;
+    }
+    return false;
+  };
+  const auto swinging = [&](const ClosedLoopResult& r) { return swings(r, s.hand); };
+  const auto active = [&](const ClosedLoopResult& r) { return swings(r, s.hand) || makes_energy(r); };
+  const auto shown = [&](double value) { return value > 0 ? displayed(value, run(value, s)) : 0; };
+  const double passive = last_sound([&](double v) { return any(v, active); }, from, to, factor);
+  // What makes no energy does not swing.
+  const double steady =
+      last_sound([&](double v) { return any(v, swinging); }, std::max(from, passive), to, factor);
+  return {shown(steady), shown(passive)};
 }
 
 Largest best(const Largest& a, const Largest& b) {
   return {std::max(a.steady, b.steady), std::max(a.passive, b.passive)};
 }
 
-StiffnessPoint measure(StabilityBench& bench, const ClosedLoopSettings& s, double factor, bool controller) {
+StiffnessPoint measure(StabilityBench& bench, ClosedLoopSettings s, double factor, bool controller) {
   StiffnessPoint p;
+  s.let_go = true;
   p.mass = s.hand.mass;
   p.damping = s.hand.damping;
   p.stiffness = s.hand.stiffness;
   p.device_damping = s.hand.device_damping;
   p.colgate = 2 * s.hand.device_damping / haptic_period;
+  using Settings = ClosedLoopSettings;
   const auto itself = [](double K, const ClosedLoopResult&) { return K; };
   const auto shown = [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); };
-  for (const double time : {0.0, 1e-3, tissue_viscosity, 5e-3}) {
-    const Largest with =
-        largest([&](double K) { return bench.wall(K, s, time); }, s.hand, 20, 4e5, factor, itself);
+  for (const double time : {0.0, 0.5e-3, 1e-3, 1.5e-3, tissue_viscosity, 3e-3, 5e-3}) {
+    const Largest with = largest([&](double K, const Settings& at) { return bench.wall(K, at, time); }, s, 20,
+                                 4e5, factor, itself);
     p.wall = best(p.wall, with);
     if (time == tissue_viscosity) p.alike = with;
   }
   const auto daemon = [&](const VirtualDaemonOptions& options) {
-    return largest([&](double f) { return bench.daemon(f, s, options); }, s.hand, 0.5, 1e4, factor, shown);
+    return largest([&](double f, const Settings& at) { return bench.daemon(f, at, options); }, s, 0.5, 1e4,
+                   factor, shown);
   };
   p.ours = daemon({});
   VirtualDaemonOptions options;
@@ -113,7 +143,7 @@ constexpr Grasp grasps[] = {
 bool chart_stiffness(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress) {
   const std::vector<double> dampings =
       quick ? std::vector<double>{0.1} : std::vector<double>{0.02, 0.05, 0.1, 0.2, 0.5, 1, 2};
-  const double factor = quick ? std::numbers::sqrt2 : std::pow(2, 0.25);
+  const double factor = std::pow(2, 0.0625);
   StabilityMode mode;
   for (std::size_t k = 0; k < dampings.size(); ++k) {
     if (!progress(static_cast<double>(k) / static_cast<double>(dampings.size()))) return false;
@@ -130,7 +160,7 @@ bool chart_stiffness(StabilityBench& bench, bool quick, StabilityChart& chart, c
 }
 
 bool chart_grasps(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress) {
-  const double factor = quick ? 2 : std::pow(2, 0.25);
+  const double factor = quick ? std::pow(2, 0.25) : std::pow(2, 0.0625);
   bool all = true;
   for (const Grasp& g : grasps) {
     if (quick && g.name != grasps[0].name) break;

@@ -134,8 +134,9 @@ ForceSample VirtualDaemon::tick(const DeviceSample* arrived) {
   ++count_;
   const ForceSample answer = haptic_step(in_use_.get(), instrument_, device_, haptic_, input, *state_);
   const InstrumentInput told = instrument_input(device_, haptic_.watchdog, state_->watchdog, input.now_ns);
-  known_.push_back(
-      {t, {told.X, told.present, (told.buttons & pedal_phaco) != 0, (told.buttons & pedal_aspiration) != 0}});
+  known_.push_back({t,
+                    {told.X, told.present, (told.buttons & pedal_phaco) != 0,
+                     (told.buttons & pedal_aspiration) != 0, 1e-9 * static_cast<double>(told.received_ns)}});
   if (options_.rendering == Rendering::solved) return answer;
   ForceSample other = baseline(newest_, t);
   other.step = answer.step;

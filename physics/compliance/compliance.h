@@ -119,6 +119,14 @@ class Compliance {
   // Contract: zone_covers(nodes) at the last update; std::invalid_argument otherwise.
   virtual void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) = 0;
 
+  // ‖C A y − y‖∞/‖y‖∞ with the A of this state: what a step of refinement would change of y. From 1 on, an
+  // error like y grows from step to step, as 1 − C A does to it. 0: of a method that keeps no base.
+  virtual double disagreement(const TissueState& state, const VecX& y) {
+    static_cast<void>(state);
+    static_cast<void>(y);
+    return 0;
+  }
+
   virtual ComplianceReport report() = 0;
 
   // What a new base of the present state and the wanted zone needs, to be made elsewhere; null for methods

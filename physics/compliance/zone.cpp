@@ -167,6 +167,14 @@ class ZoneCompliance final : public Compliance {
       }
   }
 
+  double disagreement(const TissueState& state, const VecX& y) override {
+    require_update();
+    VecX change = multiply_system_matrix(model_, state, structure_->h, y);
+    apply(change, change);
+    change -= y;
+    return change.lpNorm<Eigen::Infinity>() / std::max(y.lpNorm<Eigen::Infinity>(), 1e-300);
+  }
+
   ComplianceReport report() override {
     require_update();
     ComplianceReport report;

@@ -56,6 +56,7 @@ struct Body {
   // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
   bool base_wanted = false;
   bool base_under_way = false;
+  bool base_outdated = false;  // … but a step has made a newer one itself
   int base_steps = 0;
   int last_base_steps = 2;
   double edge = 0;  // mean length of the tetrahedra's edges at rest [m]

@@ -18,6 +18,8 @@ constexpr std::size_t max_zone_nodes = 200;
 constexpr std::size_t max_ring_nodes = 200;
 constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps
+constexpr double least_elapsed = 0.1;  // of h, between two samples whose times are known
+constexpr double most_believed = 2;    // edges that a free motion takes a node without being looked into
 constexpr double far_step = 0.6;       // in alarm distances
 constexpr double most_parts = 32;      // of a step's way that contact is solved on
 
@@ -66,7 +68,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
       collision_.refit(static_cast<int>(b), bodies_[b].state.x);
     }
   wake(sample);
-  report.interim = publish_interim && topology_changed_ && fill_interim(sample, first);
+  report.interim = publish_interim && topology_changed_ && fill_interim(sample, first, report);
   CondensedProblem& problem = report.interim ? publish_interim() : first;
   if (report.interim) topology_changed_ = false;  // since the problem before
   adopt_bases(report);
@@ -75,7 +77,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   factor_and_free_motion(sample, report);
 
   if (settings_.newest_pose) sample = latest();
-  gather(sample, problem);
+  gather(sample, problem, report);
   compliance_of_patch(sample, problem, report);
   if (contacts_.empty())
     solve_instrument(sample, problem, report);
@@ -89,10 +91,15 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
         update_rotations(body.model, body.state);
         continue;
       }
-      if (foresees(body))
-        foresee_free_motion(body, settings_.h);
-      else
+      if (foresees(body)) {
+        foresee_free_motion(body, settings_.h);  // what comes of it is looked into there
+      } else {
         fresh_free_motion(body, settings_.h);
+        if (!believed(body)) {
+          make_base(body, report);
+          compute_free_motion(body, settings_.h);
+        }
+      }
       if (!contacts_.empty()) finish_free_motion(body, nullptr);
     }
   if (settings_.fresh_free_motion) place_patch(problem);
@@ -191,7 +198,7 @@ void World::adopt_bases(StepReport& report) {
     body.base_under_way = false;
     body.last_base_steps = body.base_steps;
     body.base_steps = 0;
-    if (job.failed || !job.base) continue;
+    if (std::exchange(body.base_outdated, false) || job.failed || !job.base) continue;
     body.compliance->adopt_base(std::move(job.base), body.state);
     ahead_[job.body] = 0;
     ++report.bases_adopted;
@@ -201,9 +208,15 @@ void World::adopt_bases(StepReport& report) {
 
 void World::follow_instrument(const InstrumentSample& sample) {
   const bool known = sample.present && was_present_;
-  twist_ = known ? Vec6(difference(sample.pose, last_pose_) / settings_.h) : Vec6::Zero();
+  // Steps of a simulation that others starve are farther apart than h, and simulated time then stands still.
+  const bool timed = sample.time > 0 && last_time_ > 0;
+  const double elapsed =
+      timed ? std::max(sample.time - last_time_, least_elapsed * settings_.h) : settings_.h;
+  way_ = known ? difference(sample.pose, last_pose_) : Vec6::Zero();
+  twist_ = way_ / elapsed;
   velocity_ = twist_.head<3>();
   last_pose_ = sample.pose;
+  last_time_ = sample.time;
   was_present_ = sample.present;
 }
 
@@ -294,7 +307,40 @@ void World::update_zone(int b, const InstrumentSample& sample, std::span<const i
   body.compliance->move_ring(ring);
 }
 
-void World::factor(int b) {
+// Tissue let go springs back by an edge in a step, not by many. Where elements outside the zone have turned
+// far since the base, it has next to no stiffness against what they do, and what a step gets wrong of them
+// the next gets wrong by several times as much: a base that comes late lets the tissue burst.
+// The half that a step leaves out is looked into where the step before took a node by an edge.
+bool World::believed(Body& body) {
+  if (!rebases_) return true;
+  const auto within = [&](double edges) {
+    double largest = 0;
+    for (int n = 0; n < body.model.node_count(); ++n)
+      largest = std::max(largest, body.dx_free.segment<3>(3 * n).squaredNorm());
+    return largest <= edges * edges * body.edge * body.edge;
+  };
+  if (body.half_free) {
+    const double fast = body.edge / settings_.h;
+    const bool slow = std::all_of(body.state.v.begin(), body.state.v.end(),
+                                  [&](const Vec3& v) { return v.squaredNorm() < fast * fast; });
+    if (slow && within(most_believed)) return true;
+    finish_free_motion(body, nullptr);
+  }
+  return within(most_believed) || body.compliance->disagreement(body.state, body.dx_free) < 1;
+}
+
+// Of the present state, in this step, however long that takes.
+void World::make_base(Body& body, StepReport& report) {
+  std::unique_ptr<ComplianceBase> base = body.compliance->snapshot_base(body.state);
+  if (!base) return;
+  base->make();
+  body.compliance->adopt_base(std::move(base), body.state);
+  body.compliance->update(body.state);
+  body.base_outdated = body.base_under_way;
+  ++report.bases_on_the_spot;
+}
+
+void World::factor(int b, StepReport& report) {
   Body& body = bodies_[b];
   if (looks_ahead()) {
     const Within assembly(times(), StepPart::assembly);
@@ -302,6 +348,10 @@ void World::factor(int b) {
   }
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
+  if (!believed(body)) {
+    make_base(body, report);
+    compute_free_motion(body, settings_.h);
+  }
   if (!contacts_.empty()) finish_free_motion(body, nullptr);  // of any node that may meet another body
 }
 
@@ -312,11 +362,11 @@ void World::factor_and_free_motion(const InstrumentSample& sample, StepReport& r
     if (sample.present || !contacts_.nodes_of(static_cast<int>(b)).empty())
       update_zone(static_cast<int>(b), sample, {});
     ++report.awake_bodies;
-    if (!ahead_[b]) factor(static_cast<int>(b));
+    if (!ahead_[b]) factor(static_cast<int>(b), report);
   }
 }
 
-void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
+void World::gather(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   const Within collision(times(), StepPart::collision);
   problem.step = ++problems_;
   problem.X_ref = sample.pose;
@@ -337,7 +387,7 @@ void World::gather(const InstrumentSample& sample, CondensedProblem& problem) {
     if (!body.deformable || !body.asleep) continue;
     body.asleep = false;
     update_zone(f.body, sample, {});
-    factor(f.body);
+    factor(f.body, report);
   }
   gatherer_.gather(bodies_, *instrument_, sample.pose, settings_.alarm_distance, near_, problem);
   place_patch(problem);
@@ -427,7 +477,7 @@ void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& p
     const Vec3 before = compares ? Vec3(solve_last_problem(sample).wrench.head<3>()) : Vec3::Zero();
     // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
     // on the way, with all that the solves there remember.
-    const Pose from = displaced(last_pose_, -settings_.h * twist_);
+    const Pose from = displaced(last_pose_, -way_);
     const Vec6 way = difference(sample.pose, from);
     const double far =
         settings_.contact == Renewal::renewed ? way.head<3>().norm() / settings_.alarm_distance : 0;

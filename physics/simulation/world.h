@@ -76,6 +76,7 @@ struct InstrumentSample {
   bool present = false;  // no device: no contact, no removal
   bool phaco = false;
   bool aspiration = false;
+  double time = 0;  // when that was, on any one clock [s]; 0: a step after the sample before
 };
 
 struct StepReport {
@@ -83,8 +84,9 @@ struct StepReport {
   int fragments_aspirated = 0;
   bool interim = false;  // a problem without them was published at once
   int awake_bodies = 0;
-  int bases_adopted = 0;    // since the step before
-  int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
+  int bases_adopted = 0;      // since the step before
+  int bases_on_the_spot = 0;  // made by the step itself, for which others came too late
+  int uncovered_nodes = 0;    // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
   // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
   // one over for the other does to the force. Of methods that keep bases, in steps with a new base or a
@@ -142,7 +144,7 @@ class World {
   void removed_from(int body, int gone, StepReport& report);
   void tell_compliances();
   void adopt_bases(StepReport& report);
-  bool fill_interim(const InstrumentSample& sample, CondensedProblem& problem);
+  bool fill_interim(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   struct ZoneNode {
     double distance;  // [m]
     int node;
@@ -153,9 +155,11 @@ class World {
   void cover(int body, const InstrumentSample& sample, std::span<const int> nodes, StepReport& report);
   void follow_instrument(const InstrumentSample& sample);
   void wake(const InstrumentSample& sample);
-  void factor(int body);
+  void factor(int body, StepReport& report);
+  bool believed(Body& body);
+  void make_base(Body& body, StepReport& report);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
-  void gather(const InstrumentSample& sample, CondensedProblem& problem);
+  void gather(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   std::vector<int> patch_nodes_of(int body) const;
   void place_patch(CondensedProblem& problem);
   void compliance_of_patch(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
@@ -211,6 +215,8 @@ class World {
   Vec3 velocity_ = Vec3::Zero();     // of the instrument [m/s]
   Vec6 twist_ = Vec6::Zero();        // … as a displacement per second
   Pose last_pose_;
+  double last_time_ = 0;     // of it [s]
+  Vec6 way_ = Vec6::Zero();  // of the instrument, from the step before to this one
   bool was_present_ = false;
   std::vector<std::vector<int>> gone_;  // per body: in this step, and its compliance does not know yet
   std::vector<BaseJob> made_;           // bases to be adopted in the next step

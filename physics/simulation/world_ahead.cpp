@@ -67,6 +67,10 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
     if (sample.present) update_zone(static_cast<int>(b), there, of_body);
     linearise_ahead(body, settings_.h);
     ahead_[b] = 1;
+    if (believed(body)) continue;
+    make_base(body, report);
+    body.dx_free = body.dx_ahead;
+    linearise_ahead(body, settings_.h);
   }
   compliance_of_patch(sample, problem, report);
   place_patch(problem);

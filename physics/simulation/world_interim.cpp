@@ -18,7 +18,7 @@ constexpr int most_uncovered = 12;  // of a body's nodes in an interim problem
 
 }  // namespace
 
-bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& problem) {
+bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   if (!sample.present || !contacts_.empty() || settings_.contact != Renewal::renewed ||
       last_problem_->step == 0)
     return false;
@@ -32,7 +32,7 @@ bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& probl
   then.pose = displaced(sample.pose, removal_lead * twist_);
   if (usable(solve_last_problem(then))) force = force_on_patch(*last_problem_, *last_scratch_);
 
-  gather(sample, problem);
+  gather(sample, problem, report);
   problem.C().setZero();
   const auto patch = gatherer_.nodes();
   // Method zone alone gives what is outside its zone, at half a solve for each.

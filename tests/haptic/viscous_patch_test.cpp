@@ -95,6 +95,38 @@ TEST(ViscousPatch, JitterOfTheTickLeavesTheCompliance) {
   }
 }
 
+// Maxwell's element: with a lag a, the viscous force of a constant speed rises as implicit Euler has it,
+// 1 − (a/(T + a))^k, and a single reading that jumps by Δ and back is worth β K Δ/(T + a) instead of β K Δ/T.
+TEST(ViscousPatch, WithALagTheViscousForceRisesInIt) {
+  const double speed = 0.02, a = 0.25e-3;
+  const auto problem = face(1, Vec3::Zero(), Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  ViscousOptions lagging = options();
+  lagging.lag = a;
+  for (int k = 1; k <= 30; ++k) {
+    const CondensedProblem& p = at_tick(*problem, lagging, T, *patch);
+    const double x = speed * T * k;
+    const double force = (x - p.x_free[0].z()) / p.C()(2, 2);
+    EXPECT_NEAR(force, stiffness * (x + beta * speed * (1 - std::pow(a / (T + a), k))), 1e-12) << k;
+    PatchPositions after;
+    after.fill(Vec3(0, 0, x));
+    remember(after, *patch);
+  }
+  auto still = std::make_unique<ViscousPatch>();
+  const CondensedProblem& p = at_tick(*problem, lagging, T, *still);
+  const double quantum = 20e-6;
+  EXPECT_NEAR((quantum - p.x_free[0].z()) / p.C()(2, 2), stiffness * quantum * (1 + beta / (T + a)), 1e-15);
+}
+
+// 400 N/m read to 55 µm, as a Touch: 2.4 µJ a reading. 10 kN/m read to 20 µm: 8; 40 kN/m: 32.
+TEST(ViscousPatch, LagsOnlyWhereAReadingIsWorthMuch) {
+  EXPECT_EQ(lag_for(55e-6, 400, beta, T), 0);
+  EXPECT_EQ(lag_for(20e-6, 10e3, beta, T), 0);
+  EXPECT_GT(lag_for(20e-6, 40e3, beta, T), 0);
+  EXPECT_EQ(lag_for(0, 1e6, beta, T), 0);
+  EXPECT_EQ(lag_for(1e-3, 1e6, 0, T), 0);
+}
+
 TEST(ViscousPatch, LetGoItRelaxesToItsEquilibriumInBeta) {
   const Vec3 equilibrium(0, 0, 1e-3);
   const auto problem = face(1, equilibrium, Vec3::Zero());

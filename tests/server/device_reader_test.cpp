@@ -34,6 +34,8 @@ TEST(DeviceReader, TouchHasItsFigures) {
   EXPECT_EQ(touch.limits.damping, 4);
   EXPECT_EQ(touch.limits.workspace_radius, 0.075);
   EXPECT_EQ(touch.limits.max_torque, 0);
+  EXPECT_EQ(touch.limits.quantum, 55e-6);
+  EXPECT_EQ(read_device(device_path("falcon", "")).limits.quantum, 0);  // not said
 }
 
 TEST(Paths, TheEnvironmentWins) {

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
 #include "server/paths.h"
 #include "server/scene_reader.h"
 
@@ -50,6 +54,88 @@ TEST(ClosedLoop, WallIsPassiveBelowColgatesBoundAndBreaksFarAbove) {
   const ClosedLoopResult r = run_closed_loop(above, s);
   EXPECT_LT(r.surplus_min, -1e-6);
   EXPECT_GT(r.swing, 1e-4);
+}
+
+// The theorem behind the bound: a spring held for T makes K T/2 ∫ v² dt of whatever motion ends where it
+// began, and the device takes b ∫ v² dt of it, so the surplus is (b − K T/2) ∫ v² dt, to the sign of b − K
+// T/2: just below the bound a wall measures as passive and just above it as active, by that much. What the
+// device damps on the way to the wall is no part of it.
+TEST(ClosedLoop, EnergyOfASampledSpringIsColgatesTermByTerm) {
+  ClosedLoopSettings s = press();
+  s.hand.device_damping = 1;
+  s.press.hold = 1;
+  s.let_go = true;
+  // Within the first hold, whole periods of 20 Hz.
+  s.sway = [](double t) -> Vec3 {
+    return t > 0.4 && t < 1.2 ? Vec3(0, 0, 1e-3 * std::sin(2 * std::numbers::pi * 20 * (t - 0.4)))
+                              : Vec3::Zero();
+  };
+  for (const double share : {0.9, 1.1}) {
+    const double K = share * 2 * s.hand.device_damping / 1e-3;
+    SpringWall spring = wall(K);
+    const ClosedLoopResult r = run_closed_loop(spring, s);
+    double v2 = 0;  // ∫ v² dt, within the wall
+    for (std::size_t i = 1; i < r.ticks.size(); ++i)
+      if (r.ticks[i].force > 0) v2 += std::pow(r.ticks[i].depth - r.ticks[i - 1].depth, 2) / 1e-3;
+    const double surplus = (s.hand.device_damping - K * 1e-3 / 2) * v2;
+    EXPECT_NEAR(r.surplus_end, surplus, 0.04 * s.hand.device_damping * v2) << share;  // first touch, leaving
+    if (share < 1) {
+      EXPECT_GE(r.surplus_min, -1e-9);
+    } else {
+      EXPECT_LT(r.surplus_min, -1e-6);
+    }
+  }
+}
+
+// What the controller takes out is what the rest of the rendering made, and no more: at no time has it taken
+// more than the largest deficit there was without it, but for what a reading of the encoder is worth to it.
+class Controlled final : public Renderer {
+ public:
+  double took = 0, made = 0, most = 0;  // [J]; of the readings, as the observer has them
+  Controlled(const Scene& scene, bool on) : daemon_(scene, options(on)) {}
+  ForceSample tick(const DeviceSample* arrived) override {
+    const Vec3 motion = has_ ? Vec3(arrived->pose.p - place_) : Vec3::Zero();
+    place_ = arrived->pose.p;
+    has_ = true;
+    took -= control_.dot(motion);
+    rest_ -= (sent_ - control_).dot(motion);
+    made = std::max(made, -rest_);
+    most = std::max(most, took - made);
+    const ForceSample answer = daemon_.tick(arrived);
+    control_ = daemon_.haptic().controlled;
+    sent_ = answer.force;
+    return answer;
+  }
+
+ private:
+  static VirtualDaemonOptions options(bool on) {
+    VirtualDaemonOptions o;
+    o.passivity_control = on;
+    return o;
+  }
+  VirtualDaemon daemon_;
+  Vec3 place_ = Vec3::Zero(), control_ = Vec3::Zero(), sent_ = Vec3::Zero();
+  double rest_ = 0;
+  bool has_ = false;
+};
+
+TEST(ClosedLoop, PassivityControllerTakesOutNoMoreThanWasMade) {
+  Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
+  scene.device.max_force = scene.device.max_force_rate = 1e6;
+  scene.device.force_scale = 16;
+  // Armed inside: the force that rises pushes the hand out, with energy that nobody put in.
+  ClosedLoopSettings s = press();
+  s.press.start.z() = 19e-3;
+  s.press.depth = 0.1e-3;
+  Controlled without(scene, false), with(scene, true);
+  const ClosedLoopResult off = run_closed_loop(without, s), on = run_closed_loop(with, s);
+  std::printf("  made %.3f mJ without the controller, %.3f with it, which took out %.3f mJ\n",
+              -1e3 * off.energy_min, -1e3 * on.energy_min, 1e3 * with.took);
+  EXPECT_EQ(without.took, 0);
+  EXPECT_LT(off.energy_min, -1e-4);
+  EXPECT_GT(with.took, 0.1 * with.made);
+  EXPECT_LT(with.most, 0.01 * with.made);
+  EXPECT_GT(on.energy_min, off.energy_min);
 }
 
 TEST(ClosedLoop, DaemonStandsWhereTheHeldForceSwingsAndBothAreRepeatableBitForBit) {

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <numbers>
 #include <stdexcept>
 #include <thread>
 
@@ -152,6 +153,45 @@ TEST(ZoneCompliance, TheRingIsOutsideAndRight) {
   remove(model, state, *compliance, {tets_where(model, zone, Where::outside)[0]});
   compliance->update(state);
   expect_exact(model, state, *compliance, near);
+}
+
+// ‖C A y − y‖∞/‖y‖∞ against dense matrices: nothing at the base, and by how much the base is off later; and
+// where elements outside the zone have turned by a right angle, from 1 on, for some y: those errors grow.
+TEST(ZoneCompliance, DisagreementIsWhatRefinementWouldChange) {
+  const TissueModel model = box(3);
+  const std::vector<int> zone = oracle::nearest(model, tip, 12);
+  const auto compliance = zone_method(model, zone);
+  TissueState state = deformed(model, 3);
+  compliance->update(state);
+  std::mt19937 random(5);
+  VecX y = VecX::Zero(3 * model.node_count());
+  for (int n = 0; n < model.node_count(); ++n)
+    if (!model.fixed[n]) y.segment<3>(3 * n) = random_vector(random, 1e-3);
+  EXPECT_LT(compliance->disagreement(state, y), 1e-10);
+
+  state = deformed(model, 4, 8e-4);
+  compliance->update(state);
+  const MatX A = MatX(assemble_system_matrix(model, state, h));
+  VecX change = A * y;
+  compliance->apply(change, change);
+  change -= y;
+  EXPECT_NEAR(compliance->disagreement(state, y),
+              change.lpNorm<Eigen::Infinity>() / y.lpNorm<Eigen::Infinity>(), 1e-9);
+  EXPECT_EQ(make_compliance(ComplianceMethod::exact, model, h)->disagreement(state, y), 0);
+
+  for (int t = 0; t < model.tet_count(); ++t)
+    if (oracle::where(model, zone, t) == Where::outside)
+      state.rotation[t] = state.rotation[t] * Eigen::AngleAxisd(std::numbers::pi / 2, Vec3::UnitX());
+  compliance->update(state);
+  double grows = 0;  // by power iteration
+  for (int k = 0; k < 30; ++k) {
+    grows = compliance->disagreement(state, y);
+    VecX next = MatX(assemble_system_matrix(model, state, h)) * y;
+    compliance->apply(next, next);
+    y -= next;
+    y /= y.lpNorm<Eigen::Infinity>();
+  }
+  EXPECT_GT(grows, 1);
 }
 
 TEST(ZoneCompliance, UntoldRemovalsAreFound) {

@@ -116,6 +116,30 @@ TEST(World, PedalRemovesAtTheRateOfTheScene) {
   EXPECT_EQ(world.removed(), before);
 }
 
+// What goes is where the tip will be in 2 ms, by its speed: after the same way in fifteen times the time it
+// is where it is after a fifteenth of it in a step.
+TEST(World, ATipSeenSeldomIsNotTakenForAFastOne) {
+  // Comes down to 0.1 mm above the block; within the stroke's reach.
+  const auto alive = [](double from, double time) {
+    WorldSettings s = settings(0.02);
+    s.removal.rate = 1e5;
+    World world({soft_block(8)}, sphere_tip(2e-3), s);
+    auto problem = std::make_unique<CondensedProblem>();
+    InstrumentSample sample = at(0.01, 0.01, from);
+    sample.time = time > 0 ? 1 : 0;
+    world.step([&] { return sample; }, *problem);
+    sample = at(0.01, 0.01, 0.0221, true);
+    sample.time = time > 0 ? 1 + time : 0;
+    world.step([&] { return sample; }, *problem);
+    EXPECT_GT(world.removed(), 0);
+    return world.bodies()[0].state.alive;
+  };
+  const auto in_a_step = alive(0.0221 + 0.8e-3, 0.02), seldom = alive(0.0221 + 12e-3, 0.3);
+  EXPECT_EQ(seldom, in_a_step);
+  EXPECT_EQ(alive(0.0221 + 0.8e-3, 0), in_a_step);  // no time: a step
+  EXPECT_NE(alive(0.0221 + 12e-3, 0), in_a_step);
+}
+
 TEST(World, SurvivesRemovalDownToNothing) {
   WorldSettings s = settings(0.02);
   s.removal.rate = 1e5;
