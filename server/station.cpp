@@ -10,8 +10,7 @@ namespace hapticd {
 namespace {
 
 constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
-// What a step asks for grows with the largest patch so far, which may come after 20 minutes; the port of a
-// tick asks for messages, and more of them when clients come and go.
+// What a step asks for grows with the largest patch so far; the port of a tick asks for messages.
 constexpr std::size_t simulation_heap = 16 << 20, haptic_heap = 1 << 20;
 
 nlohmann::json milliseconds(const HistogramSnapshot& h) {
