@@ -48,8 +48,8 @@ struct ViscousPatch {
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept;
 
-// The problem of the solve before, for another T: of the part of a tick in which it was the newest. None where
-// nothing is remembered.
+// The problem of the solve before, for another T: of the part of a tick in which it was the newest. None
+// where nothing is remembered.
 const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noexcept;
 
 // After the solve of either: where it left the patch.

@@ -9,10 +9,11 @@
 //
 // Nothing depends on the clock: two runs of the same inputs agree bit for bit, costs excepted, as long as
 // BLAS has one thread. Delays are inputs because the daemon's are not constant; they are the measured
-// medians. Times are seconds of the motion. The first `settle` seconds hold the first pose, or come down to it,
-// and are not in the result. Forces are in scene newtons on the instrument, whatever the device's scales; limits (arming ramp,
-// saturation, slew) and the blend at removals are off unless asked for, so that errors are the method's.
-// Units: SI. Errors: std::runtime_error from a singular body, std::invalid_argument for a rate above 1 kHz.
+// medians. Times are seconds of the motion. The first `settle` seconds hold the first pose, or come down to
+// it, and are not in the result. Forces are in scene newtons on the instrument, whatever the device's scales;
+// limits (arming ramp, saturation, slew) and the blend at removals are off unless asked for, so that errors
+// are the method's. Units: SI. Errors: std::runtime_error from a singular body, std::invalid_argument for a
+// rate above 1 kHz.
 #pragma once
 
 #include <functional>
