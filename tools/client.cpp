@@ -226,12 +226,21 @@ void DeviceClient::run(SlotSource& source, const std::function<void(std::int64_t
     sender(source);
     over.store(true);
   });
-  while (!over.load()) {
-    poll(reached_.load(std::memory_order_relaxed));
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  const auto end = [&] {
+    thread.join();
+    dds_set_listener(reader_.handle(), nullptr);
+  };
+  try {
+    while (!over.load()) {
+      poll(reached_.load(std::memory_order_relaxed));
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  } catch (...) {
+    leave();
+    end();
+    throw;
   }
-  thread.join();
-  dds_set_listener(reader_.handle(), nullptr);
+  end();
   check_end();
 }
 

@@ -74,6 +74,7 @@ class DeviceClient {
   DeviceClient& operator=(const DeviceClient&) = delete;
 
   // `poll` is called about 50 times a second on the calling thread, with the slot reached (−1: arming).
+  // What it throws ends the run, letting go first.
   void run(SlotSource& source, const std::function<void(std::int64_t)>& poll);
 
   // Ends a run early, letting go first; any thread.

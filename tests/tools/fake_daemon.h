@@ -37,6 +37,8 @@ class FakeDaemon {
     thread_.join();
   }
 
+  const Domain& domain() const { return domain_; }  // a process has one of each number
+
   // Largest step between two states that were taken one after the other [m].
   double largest_step() const { return largest_step_.load(); }
   std::uint64_t states() const { return states_.load(); }

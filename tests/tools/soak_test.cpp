@@ -5,6 +5,7 @@
 
 #include "tests/tools/fake_daemon.h"
 #include "tests/tools/run_command.h"
+#include "tools/client.h"
 
 namespace hapticd {
 namespace {
@@ -131,6 +132,29 @@ TEST(Soak, WithoutADaemonToAttachToItSaysWhere) {
   const CommandResult r = run_haptic("soak --duration 6 --attach --domain " + std::to_string(test_domain()));
   EXPECT_EQ(r.code, 1);
   EXPECT_NE(r.output.find("no daemon answered"), std::string::npos) << r.output;
+}
+
+struct StillSource final : SlotSource {
+  DeviceCommand first() const noexcept override { return {}; }
+  DeviceCommand at(std::int64_t, std::int64_t, const NewestForce&, bool) noexcept override { return {}; }
+};
+
+// The daemon of a soak that gives no figures must not take the soak with it.
+TEST(DeviceClient, WhatThePollThrowsEndsTheRun) {
+  FakeDaemon daemon(test_domain(), 10);
+  const Participant participant(daemon.domain());
+  ClientSettings settings;
+  settings.domain = test_domain();
+  DeviceClient client(participant, settings, 60'000);
+  StillSource source;
+  const auto began = std::chrono::steady_clock::now();
+  EXPECT_THROW(client.run(source,
+                          [](std::int64_t reached) {
+                            if (reached > 100) throw std::runtime_error("no figures");
+                          }),
+               std::runtime_error);
+  EXPECT_FALSE(client.complete());
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(20));
 }
 
 // Every attack, one after another and all at once: what the well-behaved client felt was bounded, and it was
