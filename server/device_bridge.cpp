@@ -106,6 +106,8 @@ DdsDevicePort::~DdsDevicePort() {
 
 // Cyclone's receive thread.
 bool DdsDevicePort::wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept {
+  thread_local const bool ready = (prefault_heap(sample_heap), true);  // the first time that this thread is here
+  static_cast<void>(ready);
   if (state.device_id != device_id_) return false;
   const dds_instance_handle_t client = client_.load(std::memory_order_relaxed);
   if (client == 0 || writer == client) return true;

@@ -161,6 +161,7 @@ void Diagnostics::start(const std::vector<Grant>& grants) {
     if (!g.granted) refused_ += (refused_.empty() ? "" : ", ") + g.what;
   thread_ = std::thread([this] {
     name_thread("diagnostics");
+    prefault_heap(sample_heap);
     run();
   });
 }

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
 // What a step asks for grows with the largest patch so far; the port of a tick asks for messages.
-constexpr std::size_t simulation_heap = 16 << 20, haptic_heap = 1 << 20;
+constexpr std::size_t simulation_heap = 16 << 20;
 
 nlohmann::json milliseconds(const HistogramSnapshot& h) {
   return {{"p50", 1e-6 * h.percentile(50)},
@@ -52,6 +52,7 @@ Station::Station(const Scene& scene, const DeviceSettings& device, const Partici
 Station::~Station() { stop(); }
 
 std::vector<Grant> Station::start_loops() {
+  prefault_heap(sample_heap);
   simulation_.start([this] {
     // With one core there is nothing to keep apart.
     if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
@@ -62,7 +63,7 @@ std::vector<Grant> Station::start_loops() {
     name_thread("haptic");
     no_log_from_this_thread();
     prefault_stack();
-    prefault_heap(haptic_heap);
+    prefault_heap(sample_heap);
     granted.set_value({use_core(core), use_fifo(haptic_priority)});
   });
   return granted.get_future().get();
