@@ -106,14 +106,17 @@ class Compliance {
   // y = C b (b and y of 3·nodes entries; may alias).
   virtual void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) = 0;
 
-  // The same in halves, for b that is known before a force on the zone is, f: y = C b on the zone's nodes and
-  // zero elsewhere; then y = C (b + f). True: there are no halves, y is C b everywhere, and nothing to
+  // The same in halves, for b that is known before a force near the zone is, f: y = C b where `halves_cover`
+  // and zero elsewhere; then y = C (b + f). True: there are no halves, y is C b everywhere, and nothing to
   // finish. An update, a removal or a new base in between ends it, and `finish` throws.
   virtual bool begin(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) {
     apply(b, y);
     return true;
   }
   virtual void finish(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y);
+
+  // True if the halves know of every free node of `nodes`: those of the zone, and of the ring.
+  virtual bool halves_cover(std::span<const int> nodes) const { return zone_covers(nodes); }
 
   // C_pp of the given zone nodes, 3·|nodes| square, into `block` (rows of fixed or orphan nodes are zero).
   // Contract: zone_covers(nodes) at the last update; std::invalid_argument otherwise.

@@ -7,11 +7,12 @@
 // wide; in the panel each tile ends with its triangular solve before it is stored. The panel has `height`
 // rows, a multiple of `row_multiple`, in columns of `stride` numbers aligned to 64 bytes; the first `width`
 // rows are F11. The square's columns begin at row `square_origin(width)` of the panel, so that its tiles are
-// aligned with the panel's. Rows from the true height on, and entries above the diagonal, hold numbers of no
-// meaning and are kept finite. What children add goes into the panel before, into the square after: so the
-// square is written once, without having been cleared or read. Their rows are ascending in the parent too, so
-// eight of the parent's at a time are some of the child's, in its order: a mask says which (`FrontChunk`).
-// Chosen at start from what the processor can do; all are the same template.
+// aligned with the panel's. Above the diagonal, L11's tiles on it hold their L_JJ⁻ᵀ, with which those below
+// are solved; other entries there, and rows from the true height on, have no meaning and are kept finite.
+// What children add goes into the panel before, into the square after: so the square is written once, without
+// having been cleared or read. Their rows are ascending in the parent too, so eight of the parent's at a time
+// are some of the child's, in its order: a mask says which (`FrontChunk`). Chosen at start from what the
+// processor can do; all are the same template.
 // Guarantee: wait-free, no allocation. Units: F [N/m].
 #pragma once
 
@@ -27,10 +28,21 @@ struct FrontChunk {
 };
 
 // Memory that is wanted next: the kernels fetch it while they compute, a few lines with each tile, into the
-// second-level cache. A panel of L was last touched a step ago, and would else be waited for.
+// second-level cache. A panel of L was last touched a step ago, and would else be waited for. Small fronts
+// have few tiles: so the tiles of large ones fetch for several of them, as far as `window`.
 struct FrontAhead {
+  static constexpr std::ptrdiff_t window = 96 << 10;  // bytes
+
   const char* next = nullptr;
   const char* end = nullptr;
+
+  // What is wanted next begins here, and all of it ends there.
+  void move(const double* begin, const double* all_end) noexcept {
+    const auto* from = reinterpret_cast<const char*>(begin);
+    const auto* to = reinterpret_cast<const char*>(all_end);
+    if (next < from) next = from;
+    end = to - from < window ? to : from + window;
+  }
 
   void fetch() noexcept {
     constexpr int line = 64;

@@ -7,12 +7,12 @@ namespace hapticd {
 namespace {
 
 // For each mask of four lanes: the halves of which numbers go there, and whether any does.
-struct Spread {
+struct Halves {
   int half[16][8];
   long long keep[16][4];
 };
-constexpr Spread spread = [] {
-  Spread s{};
+constexpr Halves halves = [] {
+  Halves s{};
   for (int mask = 0; mask < 16; ++mask)
     for (int lane = 0, from = 0; lane < 4; ++lane) {
       if ((mask >> lane & 1) == 0) continue;
@@ -27,6 +27,7 @@ constexpr Spread spread = [] {
 struct Avx2 {
   using Vector = double __attribute__((vector_size(32)));
   static constexpr int lanes = 4;
+  static unsigned spread(unsigned mask) noexcept { return mask; }
   static void add(unsigned mask, const double* from, double* to) noexcept {
     add_four(mask & 15, from, to);
     add_four(mask >> 4, from + __builtin_popcount(mask & 15), to + 4);
@@ -35,8 +36,8 @@ struct Avx2 {
  private:
   static void add_four(unsigned mask, const double* from, double* to) noexcept {
     const __m256 numbers = _mm256_castpd_ps(_mm256_loadu_pd(from));
-    const __m256i half = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(spread.half[mask]));
-    const __m256d keep = _mm256_loadu_pd(reinterpret_cast<const double*>(spread.keep[mask]));
+    const __m256i half = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(halves.half[mask]));
+    const __m256d keep = _mm256_loadu_pd(reinterpret_cast<const double*>(halves.keep[mask]));
     const __m256d there = _mm256_and_pd(keep, _mm256_castps_pd(_mm256_permutevar8x32_ps(numbers, half)));
     _mm256_storeu_pd(to, _mm256_add_pd(_mm256_loadu_pd(to), there));
   }

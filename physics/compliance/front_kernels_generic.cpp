@@ -7,6 +7,7 @@ namespace {
 struct Generic {
   using Vector = double __attribute__((vector_size(16)));
   static constexpr int lanes = 2;
+  static unsigned spread(unsigned mask) noexcept { return mask; }
   static void add(unsigned mask, const double* from, double* to) noexcept {
     for (; mask != 0; mask &= mask - 1) to[__builtin_ctz(mask)] += *from++;
   }

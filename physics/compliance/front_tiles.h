@@ -1,5 +1,6 @@
 // The kernels of front_kernels.h for one instruction set: `Isa` names its vector type and number of lanes,
-// and adds the numbers from `from` on to those of eight at `to` that have a bit in a mask.
+// and adds the numbers from `from` on to those of eight at `to` that have a bit in a mask, made ready for it
+// by `spread`.
 //
 // Included by one source file for each, compiled with that set's flags: everything here has internal linkage
 // and nothing of the standard library is called, so that no function compiled for a newer processor can be
@@ -33,13 +34,20 @@ struct FrontTiles {
     int depth;
     double* C;
     std::ptrdiff_t C_stride;
-    const double* triangle;  // L_JJ of the tile's columns, to solve with
-    double* reciprocal;      // of its diagonal
+    const double* triangle;  // of the tile's columns: L_JJ, and above its diagonal L_JJ⁻ᵀ, to solve with
+    double* reciprocal;      // of the diagonal of both
     FrontAhead* ahead;
   };
 
-  // C ← −A Bᵀ; or C ← (C − A Bᵀ) L_JJ⁻ᵀ; or C ← the Cholesky factor of C − A Bᵀ. False: a pivot is not
-  // positive.
+  // Lanes that are above the diagonal in column j of a triangle.
+  static auto above(int j) noexcept {
+    Vector lane;
+    for (int l = 0; l < lanes; ++l) lane[l] = l;
+    return lane < static_cast<double>(j);
+  }
+
+  // C ← −A Bᵀ; or C ← (C − A Bᵀ) L_JJ⁻ᵀ; or C ← the Cholesky factor of C − A Bᵀ, L_JJ⁻ᵀ above its diagonal.
+  // False: a pivot is not positive.
   template <int vectors, int columns, Finish finish>
   static bool run(const Tile& tile) noexcept {
     tile.ahead->fetch();
@@ -62,24 +70,38 @@ struct FrontTiles {
     }
     if constexpr (finish == Finish::solve) {
 #pragma GCC unroll 8
-      for (int j = 0; j < columns; ++j) {
+      for (int j = columns - 1; j >= 0; --j) {
+        const double* T = tile.triangle + j * tile.stride;
 #pragma GCC unroll 3
         for (int v = 0; v < vectors; ++v) c[j][v] *= tile.reciprocal[j];
 #pragma GCC unroll 8
-        for (int l = j + 1; l < columns; ++l)
+        for (int l = 0; l < j; ++l)
 #pragma GCC unroll 3
-          for (int v = 0; v < vectors; ++v) c[l][v] -= c[j][v] * tile.triangle[j * tile.stride + l];
+          for (int v = 0; v < vectors; ++v) c[j][v] += c[l][v] * T[l];
       }
     }
     if constexpr (finish == Finish::factor) {
+      Vector inverse[columns] = {};
+      double pivot[columns];
+#pragma GCC unroll 8
+      for (int j = 0; j < columns; ++j) inverse[j][j] = 1;
+        // Roots are taken afterwards, all of them side by side.
 #pragma GCC unroll 8
       for (int j = 0; j < columns; ++j) {
-        const double pivot = c[j][0][j];
-        if (!(pivot > 0)) return false;
-        tile.reciprocal[j] = 1 / __builtin_sqrt(pivot);
-        c[j][0] *= tile.reciprocal[j];
+        pivot[j] = c[j][0][j];
+        if (!(pivot[j] > 0)) return false;
+        const double per_pivot = 1 / pivot[j];
 #pragma GCC unroll 8
-        for (int l = j + 1; l < columns; ++l) c[l][0] -= c[j][0] * c[j][0][l];
+        for (int l = j + 1; l < columns; ++l) {
+          const double share = c[j][0][l] * per_pivot;
+          c[l][0] -= share * c[j][0];
+          inverse[l] -= share * inverse[j];
+        }
+      }
+#pragma GCC unroll 8
+      for (int j = 0; j < columns; ++j) {
+        tile.reciprocal[j] = 1 / __builtin_sqrt(pivot[j]);
+        c[j][0] = (above(j) ? inverse[j] : c[j][0]) * tile.reciprocal[j];
       }
     }
 #pragma GCC unroll 8
@@ -169,9 +191,12 @@ struct FrontTiles {
   template <int columns>
   static void add_columns(const double* const* from, double* const* to, const FrontChunk* chunk,
                           const FrontChunk* chunks_end) noexcept {
-    for (; chunk != chunks_end; ++chunk)
+    for (; chunk != chunks_end; ++chunk) {
+      const auto spread = Isa::spread(chunk->mask);
+      const std::ptrdiff_t first = chunk->from, row = chunk->row;
 #pragma GCC unroll 4
-      for (int c = 0; c < columns; ++c) Isa::add(chunk->mask, from[c] + chunk->from, to[c] + chunk->row);
+      for (int c = 0; c < columns; ++c) Isa::add(spread, from[c] + first, to[c] + row);
+    }
   }
 
   static void add_child(const double* square, std::ptrdiff_t square_stride, const FrontChunk* chunk,
@@ -196,7 +221,7 @@ struct FrontTiles {
         if (column >= end) break;
         from[columns] = square + c * square_stride;
         to[columns] = target + column * target_stride;
-        Isa::add(left, from[columns] + c, to[columns] + chunk->row);
+        Isa::add(Isa::spread(left), from[columns] + c, to[columns] + chunk->row);
         if (++columns == 4) finish();
       }
       finish();

@@ -60,17 +60,10 @@ void MultifrontalFactor::add_child(int child, int begin, int end, double* target
                       begin, end, target, stride);
 }
 
-FrontAhead MultifrontalFactor::next_panel(std::size_t s) const noexcept {
-  if (s + 1 == plan_.fronts.size()) return {};
-  const FrontPlan::Front& next = plan_.fronts[s + 1];
-  const double* panel = values_.data() + next.panel;
-  return {reinterpret_cast<const char*>(panel),
-          reinterpret_cast<const char*>(panel + next.stride * next.width)};
-}
-
 void MultifrontalFactor::factor(const SystemMatrix& matrix) {
   bool positive = true;
   int child = 0;
+  FrontAhead ahead;
   for (std::size_t s = 0; positive && s < plan_.fronts.size(); ++s) {
     const FrontPlan::Front& front = plan_.fronts[s];
     double* panel = values_.data() + front.panel;
@@ -78,7 +71,7 @@ void MultifrontalFactor::factor(const SystemMatrix& matrix) {
     assemble(matrix, s);
     for (int c = child; c < front.children_end; ++c)
       add_child(plan_.children[c], 0, front.width, panel, front.stride);
-    FrontAhead ahead = next_panel(s);
+    ahead.move(panel + front.stride * front.width, values_.data() + plan_.values);
     positive = kernels_->factor_panel(panel, front.stride, front.height, front.width,
                                       reciprocal_.data() + front.first, ahead);
     if (positive && front.size > front.width) {

@@ -2,7 +2,7 @@
 //
 //   front = A's columns + Σ_children square;   [L11; L21] = its panel factored;   square = F22 − L21 L21ᵀ
 //
-// 2.8 times as fast as CHOLMOD at the paper's size (README.md): the symbolic work is done on 3×3 blocks and
+// Three times as fast as CHOLMOD at the paper's size (README.md): the symbolic work is done on 3×3 blocks and
 // once, small fronts are merged by a model of time, nothing is allocated, and the kernels are compiled for
 // the processor's widest vectors. The interface is CholmodFactor's, which stays as oracle and fallback. The
 // order inside the rest may be changed for contiguous fronts, so `place` is to be asked after `set_order`;
@@ -59,8 +59,6 @@ class MultifrontalFactor {
  private:
   void assemble(const SystemMatrix& matrix, std::size_t front) noexcept;
   void add_child(int child, int begin, int end, double* target, std::ptrdiff_t stride) noexcept;
-
-  FrontAhead next_panel(std::size_t front) const noexcept;
 
   const FrontKernels* kernels_;
   FrontPlan plan_;

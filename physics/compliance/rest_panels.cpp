@@ -29,42 +29,44 @@ RestPanels::RestPanels(MultifrontalFactor&& factor, int rest_dofs, bool rounded_
 }
 
 void RestPanels::forward(VecX& x, PanelPrecision precision) noexcept {
-  if (precision == PanelPrecision::rounded && has_rounded_copy())
-    rounded_.forward(x);
-  else
-    forward_full(x);
+  if (solves_rounded(precision)) return rounded_.forward(x);
+  for (const RestPanel& p : panel_) forward_full(p, x);
 }
 
 void RestPanels::backward(VecX& x, PanelPrecision precision) noexcept {
-  if (precision == PanelPrecision::rounded && has_rounded_copy())
-    rounded_.backward(x);
-  else
-    backward_full(x);
+  if (solves_rounded(precision)) return rounded_.backward(x);
+  for (auto p = panel_.rbegin(); p != panel_.rend(); ++p) backward_full(*p, x);
 }
 
-void RestPanels::forward_full(VecX& x) noexcept {
-  double* t = gathered_.data();
-  for (const RestPanel& p : panel_) {
-    const double* value = value_.data() + p.value;
-    const int below = p.height - p.width;
-    panels::solve_lower(value, p.stride, p.width, &x[p.first]);
-    std::fill(t, t + below, 0.0);
-    panels::add_product(value + p.width, p.stride, below, p.width, &x[p.first], t);
-    const int* row = &row_[p.row + p.width];
-    for (int i = 0; i < below; ++i) x[row[i]] -= t[i];
-  }
+void RestPanels::forward_last(VecX& x, PanelPrecision precision) noexcept {
+  if (solves_rounded(precision)) return rounded_.forward_last(x);
+  if (!panel_.empty()) forward_full(panel_.back(), x);
 }
 
-void RestPanels::backward_full(VecX& x) noexcept {
+void RestPanels::backward_last(VecX& x, PanelPrecision precision) noexcept {
+  if (solves_rounded(precision)) return rounded_.backward_last(x);
+  if (!panel_.empty()) backward_full(panel_.back(), x);
+}
+
+void RestPanels::forward_full(const RestPanel& p, VecX& x) noexcept {
   double* t = gathered_.data();
-  for (auto p = panel_.rbegin(); p != panel_.rend(); ++p) {
-    const double* value = value_.data() + p->value;
-    const int below = p->height - p->width;
-    const int* row = &row_[p->row + p->width];
-    for (int i = 0; i < below; ++i) t[i] = x[row[i]];
-    panels::subtract_transposed(value + p->width, p->stride, below, p->width, t, &x[p->first]);
-    panels::solve_upper(value, p->stride, p->width, &x[p->first]);
-  }
+  const double* value = value_.data() + p.value;
+  const int below = p.height - p.width;
+  panels::solve_lower(value, p.stride, p.width, &x[p.first]);
+  std::fill(t, t + below, 0.0);
+  panels::add_product(value + p.width, p.stride, below, p.width, &x[p.first], t);
+  const int* row = &row_[p.row + p.width];
+  for (int i = 0; i < below; ++i) x[row[i]] -= t[i];
+}
+
+void RestPanels::backward_full(const RestPanel& p, VecX& x) noexcept {
+  double* t = gathered_.data();
+  const double* value = value_.data() + p.value;
+  const int below = p.height - p.width;
+  const int* row = &row_[p.row + p.width];
+  for (int i = 0; i < below; ++i) t[i] = x[row[i]];
+  panels::subtract_transposed(value + p.width, p.stride, below, p.width, t, &x[p.first]);
+  panels::solve_upper(value, p.stride, p.width, &x[p.first]);
 }
 
 void RestPanels::forward_sparse(Eigen::Ref<MatX> X, std::span<const int> nonzero, std::vector<int>& reached) {

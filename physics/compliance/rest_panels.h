@@ -39,6 +39,12 @@ class RestPanels {
   void forward(VecX& x, PanelPrecision precision) noexcept;
   void backward(VecX& x, PanelPrecision precision) noexcept;
 
+  // The same of the last panel's columns alone: of an x that is zero before them, and for what is asked of
+  // them.
+  int last_first() const noexcept { return panel_.empty() ? rest_dofs_ : panel_.back().first; }
+  void forward_last(VecX& x, PanelPrecision precision) noexcept;
+  void backward_last(VecX& x, PanelPrecision precision) noexcept;
+
   // Forward on columns whose nonzero rest rows are among `nonzero`. `reached` gets the rest rows that may now
   // be nonzero, ascending.
   void forward_sparse(Eigen::Ref<MatX> X, std::span<const int> nonzero, std::vector<int>& reached);
@@ -46,8 +52,11 @@ class RestPanels {
   std::size_t memory_bytes() const noexcept;
 
  private:
-  void forward_full(VecX& x) noexcept;
-  void backward_full(VecX& x) noexcept;
+  bool solves_rounded(PanelPrecision precision) const noexcept {
+    return precision == PanelPrecision::rounded && has_rounded_copy();
+  }
+  void forward_full(const RestPanel& panel, VecX& x) noexcept;
+  void backward_full(const RestPanel& panel, VecX& x) noexcept;
 
   int rest_dofs_ = 0;
   std::vector<RestPanel> panel_;

@@ -75,10 +75,12 @@ RoundedPanels::RoundedPanels(std::span<const RestPanel> panels, const int* rows,
   if (bytes / sizeof(double) + 1 > memory_.size() || !memory_.data())
     memory_.reserve((bytes + bytes / 16) / sizeof(double) + 1);  // with some to spare for the next
   auto* to = reinterpret_cast<std::byte*>(memory_.data());
-  for (const RestPanel& p : panels)
+  for (const RestPanel& p : panels) {
+    last_ = to;
     each_group(p, [&](int j, int columns) {
       to = round_group(values + p.value, p.stride, p.height, j, columns, to);
     });
+  }
   end_ = to;
   own_.assign(static_cast<std::size_t>(tallest) + tile_rows, 0.0F);
 }
@@ -95,41 +97,54 @@ void RoundedPanels::find_runs(const int* rows) {
   }
 }
 
+const std::byte* RoundedPanels::forward(std::size_t panel, const std::byte* at, VecX& x) noexcept {
+  const RestPanel& p = panels_[panel];
+  float* own = own_.data();
+  for (int j = 0; j < p.width; ++j) own[j] = static_cast<float>(x[p.first + j]);
+  std::fill(own + p.width, own + p.height + tile_rows, 0.0F);
+  at = kernels_->forward(at, p.width, p.height, own);
+  for (int j = 0; j < p.width; ++j) x[p.first + j] = own[j];
+  const float* from = own + p.width;
+  for (std::size_t r = first_run(panel); r < runs_end_[panel]; ++r) {
+    double* to = &x[runs_[r].row];
+    for (int k = 0; k < runs_[r].count; ++k) to[k] += static_cast<double>(from[k]);
+    from += runs_[r].count;
+  }
+  return at;
+}
+
+const std::byte* RoundedPanels::backward(std::size_t panel, const std::byte* end, VecX& x) noexcept {
+  const RestPanel& p = panels_[panel];
+  float* own = own_.data();
+  for (int j = 0; j < p.width; ++j) own[j] = static_cast<float>(x[p.first + j]);
+  float* to = own + p.width;
+  for (std::size_t r = first_run(panel); r < runs_end_[panel]; ++r) {
+    const double* from = &x[runs_[r].row];
+    for (int k = 0; k < runs_[r].count; ++k) to[k] = static_cast<float>(from[k]);
+    to += runs_[r].count;
+  }
+  std::fill_n(to, tile_rows, 0.0F);
+  end = kernels_->backward(end, p.width, p.height, own);
+  for (int j = 0; j < p.width; ++j) x[p.first + j] = own[j];
+  return end;
+}
+
 void RoundedPanels::forward(VecX& x) noexcept {
   const auto* at = reinterpret_cast<const std::byte*>(memory_.data());
-  float* own = own_.data();
-  auto run = runs_.begin();
-  for (std::size_t s = 0; s < panels_.size(); ++s) {
-    const RestPanel& p = panels_[s];
-    for (int j = 0; j < p.width; ++j) own[j] = static_cast<float>(x[p.first + j]);
-    std::fill(own + p.width, own + p.height + tile_rows, 0.0F);
-    at = kernels_->forward(at, p.width, p.height, own);
-    for (int j = 0; j < p.width; ++j) x[p.first + j] = own[j];
-    const float* from = own + p.width;
-    for (const auto end = runs_.begin() + static_cast<std::ptrdiff_t>(runs_end_[s]); run != end; ++run) {
-      double* to = &x[run->row];
-      for (int k = 0; k < run->count; ++k) to[k] += static_cast<double>(from[k]);
-      from += run->count;
-    }
-  }
+  for (std::size_t s = 0; s < panels_.size(); ++s) at = forward(s, at, x);
 }
 
 void RoundedPanels::backward(VecX& x) noexcept {
   const std::byte* end = end_;
-  float* own = own_.data();
-  for (std::size_t s = panels_.size(); s-- > 0;) {
-    const RestPanel& p = panels_[s];
-    for (int j = 0; j < p.width; ++j) own[j] = static_cast<float>(x[p.first + j]);
-    float* to = own + p.width;
-    for (std::size_t r = s > 0 ? runs_end_[s - 1] : 0; r < runs_end_[s]; ++r) {
-      const double* from = &x[runs_[r].row];
-      for (int k = 0; k < runs_[r].count; ++k) to[k] = static_cast<float>(from[k]);
-      to += runs_[r].count;
-    }
-    std::fill_n(to, tile_rows, 0.0F);
-    end = kernels_->backward(end, p.width, p.height, own);
-    for (int j = 0; j < p.width; ++j) x[p.first + j] = own[j];
-  }
+  for (std::size_t s = panels_.size(); s-- > 0;) end = backward(s, end, x);
+}
+
+void RoundedPanels::forward_last(VecX& x) noexcept {
+  if (!panels_.empty()) forward(panels_.size() - 1, last_, x);
+}
+
+void RoundedPanels::backward_last(VecX& x) noexcept {
+  if (!panels_.empty()) backward(panels_.size() - 1, end_, x);
 }
 
 }  // namespace hapticd

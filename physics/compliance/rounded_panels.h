@@ -35,6 +35,8 @@ class RoundedPanels {
   // The two halves of a solve, as RestPanels'.
   void forward(VecX& x) noexcept;
   void backward(VecX& x) noexcept;
+  void forward_last(VecX& x) noexcept;
+  void backward_last(VecX& x) noexcept;
 
  private:
   // Rows below a panel that follow one another.
@@ -44,12 +46,16 @@ class RoundedPanels {
   };
 
   void find_runs(const int* rows);
+  std::size_t first_run(std::size_t panel) const noexcept { return panel > 0 ? runs_end_[panel - 1] : 0; }
+  const std::byte* forward(std::size_t panel, const std::byte* at, VecX& x) noexcept;
+  const std::byte* backward(std::size_t panel, const std::byte* end, VecX& x) noexcept;
 
   std::span<const RestPanel> panels_;
   std::vector<Run> runs_;
   std::vector<std::size_t> runs_end_;  // per panel
   const RoundedKernels* kernels_ = nullptr;
   PageMemory memory_;
+  const std::byte* last_ = nullptr;  // panel
   const std::byte* end_ = nullptr;
   std::vector<float> own_;  // scratch: what a panel's rows hold
 };

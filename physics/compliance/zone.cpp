@@ -101,18 +101,25 @@ class ZoneCompliance final : public Compliance {
     removed_at_sample_ = gone_count_;
   }
 
+  bool halves_cover(std::span<const int> nodes) const override {
+    return base_ && std::all_of(nodes.begin(), nodes.end(),
+                                [&](int n) { return model_.fixed[n] || base_->is_near(n); });
+  }
+
   void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
     require_update();
-    bool in_rest = false;
+    Reach reach = Reach::corner;
     x_.setZero();
     for (int n = 0; n < model_.node_count(); ++n) {
       if (!in_system_[n]) continue;
       auto x = x_.segment<3>(3 * base_->place(n));
       x.noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
-      in_rest = in_rest || (base_->zone_place(n) < 0 && (x.array() != 0).any());
+      if (reach == Reach::all || base_->zone_place(n) >= 0 || !(x.array() != 0).any()) continue;
+      reach = base_->is_near(n) ? Reach::last_panel : Reach::all;
     }
-    first_half(x_, g_, in_rest);
-    second_half(x_, g_, y);
+    first_half(x_, g_, reach);
+    second_half(x_, g_);
+    turn_back(x_, y);
   }
 
   bool begin(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
@@ -121,13 +128,15 @@ class ZoneCompliance final : public Compliance {
     for (int n = 0; n < model_.node_count(); ++n)
       if (in_system_[n])
         begun_.segment<3>(3 * base_->place(n)).noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
-    first_half(begun_, begun_g_, true);
+    first_half(begun_, begun_g_, Reach::all);
     is_begun_ = true;
-    corner_ = begun_.tail(corner_size());
-    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner_);
+    x_ = begun_;
+    g_ = begun_g_;
+    from_corner(x_, g_);
+    base_->panels().backward_last(x_, precision());
     y.setZero();
-    for (const int n : base_->zone())
-      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * corner_.segment<3>(3 * base_->zone_place(n));
+    for (const int n : base_->near())
+      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * base_->place(n));
     return false;
   }
 
@@ -135,13 +144,19 @@ class ZoneCompliance final : public Compliance {
     require_update();
     if (!std::exchange(is_begun_, false))
       throw std::runtime_error("no solve was begun since the last update");
-    corner_.setZero(corner_size());
-    for (const int n : base_->zone())
-      if (in_system_[n])
-        corner_.segment<3>(3 * base_->zone_place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
-    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner_);
-    begun_.tail(corner_size()) += corner_;
-    second_half(begun_, begun_g_, y);
+    Reach reach = Reach::corner;
+    x_.setZero();
+    for (const int n : base_->near()) {
+      if (!in_system_[n]) continue;
+      auto x = x_.segment<3>(3 * base_->place(n));
+      x.noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
+      if (base_->zone_place(n) < 0 && (x.array() != 0).any()) reach = Reach::last_panel;
+    }
+    first_half(x_, g_, reach);
+    begun_ += x_;
+    begun_g_ += g_;
+    second_half(begun_, begun_g_);
+    turn_back(begun_, y);
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
@@ -218,22 +233,36 @@ class ZoneCompliance final : public Compliance {
     return options_.rounded_base ? PanelPrecision::rounded : PanelPrecision::full;
   }
 
-  // Up to L⁻¹ of the corner: all that a force on the zone does not enter before. Such a force alone, as of
-  // contacts, has nothing for the panels to do.
-  void first_half(VecX& x, MatX& g, bool in_rest) {
-    if (in_rest) base_->panels().forward(x, precision());
+  // Where a right-hand side is not zero: from there on the panels have something to do.
+  enum class Reach : std::uint8_t { corner, last_panel, all };
+
+  // Up to L⁻¹ of the corner: all that a force on the zone does not enter before.
+  void first_half(VecX& x, MatX& g, Reach reach) {
+    if (reach == Reach::all) base_->panels().forward(x, precision());
+    if (reach == Reach::last_panel) base_->panels().forward_last(x, precision());
     auto corner = x.tail(corner_size());
     Eigen::Map<MatX> column(x.data(), x.size(), 1);
-    if (!carried_.empty()) carried_.before_corner(column, g, column.bottomRows(corner.size()));
+    if (reach == Reach::corner || carried_.empty())
+      g.setZero(carried_.columns(), 1);
+    else
+      carried_.before_corner(column, g, column.bottomRows(corner.size()));
     corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
   }
 
-  void second_half(VecX& x, MatX& g, Eigen::Ref<VecX> y) {
+  // … and from there on, but for the panels.
+  void from_corner(VecX& x, MatX& g) {
     auto corner = x.tail(corner_size());
     Eigen::Map<MatX> column(x.data(), x.size(), 1);
     corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
     if (!carried_.empty()) carried_.after_corner(column.bottomRows(corner.size()), g, column);
+  }
+
+  void second_half(VecX& x, MatX& g) {
+    from_corner(x, g);
     base_->panels().backward(x, precision());
+  }
+
+  void turn_back(const VecX& x, Eigen::Ref<VecX> y) const {
     for (int n = 0; n < model_.node_count(); ++n) {
       if (in_system_[n])
         y.segment<3>(3 * n) = Q_[n] * x.segment<3>(3 * base_->place(n));
@@ -441,7 +470,6 @@ class ZoneCompliance final : public Compliance {
   VecX begun_;   // of `begin`: as first_half leaves it
   MatX begun_g_;
   bool is_begun_ = false;
-  VecX corner_;
   std::vector<int> places_;
   PatchInverse patch_inverse_;
   bool updated_ = false;

@@ -49,6 +49,9 @@ void ZoneBase::make() {
   factor.trailing_corner(zone_size(), L_zz);
   workspace_ = factor.take_workspace();
   panels_ = RestPanels(std::move(factor), 3 * rest_, rounded_copy_, std::move(rounded_memory));
+  near_.clear();
+  for (int n = 0; n < matrix.node_count(); ++n)
+    if (is_near(n)) near_.push_back(n);
   S_out_.setZero(L_zz.rows(), L_zz.cols());
   S_out_.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
 

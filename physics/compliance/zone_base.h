@@ -51,7 +51,10 @@ class ZoneBase final : public ComplianceBase {
   int zone_size() const noexcept { return zone_; }
   int place(int node) const noexcept { return place_[node]; }               // in the order
   int zone_place(int node) const noexcept { return place_[node] - rest_; }  // < 0: not in the zone
-  const TissueState& state() const noexcept { return state_; }              // without x and v
+  // The zone's nodes and those of the panel before it, the ring's among them; by a node: its place tells.
+  const std::vector<int>& near() const noexcept { return near_; }
+  bool is_near(int node) const noexcept { return 3 * place_[node] >= panels_.last_first(); }
+  const TissueState& state() const noexcept { return state_; }  // without x and v
   double identity_scale() const noexcept { return identity_scale_; }
 
   // Elements wholly inside, and one flag for each element.
@@ -79,6 +82,7 @@ class ZoneBase final : public ComplianceBase {
   bool made_ = false;
   int rest_ = 0;  // nodes before the zone
   std::vector<int> place_;
+  std::vector<int> near_;
   std::vector<int> inside_;
   std::vector<std::uint8_t> is_inside_;
   RestPanels panels_;

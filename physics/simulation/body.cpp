@@ -162,7 +162,7 @@ void finish_free_motion(Body& body, const VecX* f) {
 }
 
 void know_free_motion(Body& body, std::span<const int> nodes) {
-  if (body.half_free && !body.compliance->zone_covers(nodes)) finish_free_motion(body, nullptr);
+  if (body.half_free && !body.compliance->halves_cover(nodes)) finish_free_motion(body, nullptr);
 }
 
 void correct(Body& body, const VecX* contact_force, double h) {

@@ -41,17 +41,17 @@ struct Body {
   BoundarySurface surface;
   std::unique_ptr<Compliance> compliance;  // deformable only
   std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
-  VecX dx_free;                            // known to the zone only while `half_free`
+  VecX dx_free;                            // known near the zone only while `half_free`
   VecX dx_ahead;                           // Δx_p that linearise_ahead was last given
   VecX under_load;                         // of a linear static body: C f_ext
   VecX scratch;
   std::vector<Mat3> factored_rotation;  // per tetrahedron, as it is in the present factor
-  bool half_free = false;               // Δx_free begun: dx_free is right on the compliance's zone alone
-  bool in_halves = false;               // the compliance solves in halves
-  VecX begun_from;                      // … and what is begun is added to this; empty: to nothing
-  VecX pressed;                         // Σ Hᵀλ of the last `correct` [N]
-  std::vector<Vec3> v_before;           // … and v before it
-  bool asleep = false;                  // at rest and out of reach: its step is skipped
+  bool half_free = false;      // Δx_free begun: dx_free is right where the compliance's halves cover
+  bool in_halves = false;      // the compliance solves in halves
+  VecX begun_from;             // … and what is begun is added to this; empty: to nothing
+  VecX pressed;                // Σ Hᵀλ of the last `correct` [N]
+  std::vector<Vec3> v_before;  // … and v before it
+  bool asleep = false;         // at rest and out of reach: its step is skipped
 
   // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
   bool base_wanted = false;
@@ -74,18 +74,18 @@ using Bodies = std::deque<Body>;
 // No node is faster than 10 µm/s.
 bool at_rest(const Body& body);
 
-// Δx_free at the present state, with the factor the compliance holds; of the zone alone, where the compliance
-// solves in halves.
+// Δx_free at the present state, with the factor the compliance holds; near the zone alone, where the
+// compliance solves in halves.
 void compute_free_motion(Body& body, double h);
 
 // Δx_free = from + C b (from: may be null): the same, of any right-hand side.
 void begin_free_motion(Body& body, const VecX& b, const VecX* from);
 
 // Δx_free + C f everywhere, f on the patch's nodes (may be null): one half of a solve where the other is
-// done. f may be outside the zone only where Δx_free is known everywhere.
+// done. f may be where the halves do not cover only if Δx_free is known everywhere.
 void finish_free_motion(Body& body, const VecX* f);
 
-// The free motion of these nodes is to be known: of all, if they are not all in the zone.
+// The free motion of these nodes is to be known: of all, if the halves do not cover these.
 void know_free_motion(Body& body, std::span<const int> nodes);
 
 // The rotations of the corrected state, then the same. A tetrahedron that turned by more than 0.3 rad in this

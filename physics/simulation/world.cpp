@@ -16,8 +16,10 @@ constexpr double zone_reach = 1.6;     // … and a new zone reaches this far
 constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
 constexpr std::size_t max_zone_nodes = 200;
 constexpr std::size_t max_ring_nodes = 200;
-constexpr double longest_lead = 0.3;   // [s] a base in the making looks ahead by no more
+constexpr int longest_lead = 30;       // steps: a base in the making looks ahead by no more
 constexpr int rest_between_bases = 2;  // steps
+constexpr double pose_spacing = 0.5;   // of a zone's way, in alarm distances
+constexpr double most_poses = 8;       // … of them
 constexpr double least_elapsed = 0.1;  // of h, between two samples whose times are known
 constexpr double most_believed = 2;    // edges that a free motion takes a node without being looked into
 constexpr double far_step = 0.6;       // in alarm distances
@@ -85,8 +87,8 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     solve_together(sample, problem, report);
   correct_bodies();
 
-  for (Body& body : bodies_)
-    if (body.deformable && !body.asleep) {
+  for (std::size_t b = 0; b < bodies_.size(); ++b)
+    if (Body& body = bodies_[b]; body.deformable && !body.asleep) {
       if (!settings_.fresh_free_motion) {
         update_rotations(body.model, body.state);
         continue;
@@ -96,7 +98,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
       } else {
         fresh_free_motion(body, settings_.h);
         if (!believed(body)) {
-          make_base(body, report);
+          make_base(static_cast<int>(b), report);
           compute_free_motion(body, settings_.h);
         }
       }
@@ -214,7 +216,8 @@ void World::follow_instrument(const InstrumentSample& sample) {
       timed ? std::max(sample.time - last_time_, least_elapsed * settings_.h) : settings_.h;
   way_ = known ? difference(sample.pose, last_pose_) : Vec6::Zero();
   twist_ = way_ / elapsed;
-  velocity_ = twist_.head<3>();
+  if (!known) way_ahead_.forget();
+  if (sample.present) way_ahead_.follow(sample.pose.p);
   last_pose_ = sample.pose;
   last_time_ = sample.time;
   was_present_ = sample.present;
@@ -229,68 +232,96 @@ void World::wake(const InstrumentSample& sample) {
 }
 
 std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const Pose& X) const {
-  // A base made elsewhere comes into use when it is adopted, and until the next is: its zone is where the
-  // instrument will be between then, and it is asked for as long before the present one ends. It reaches an
+  // A base made elsewhere comes into use when it is adopted, and until the next is: its zone is along the
+  // instrument's way between then, and it is asked for as long before the present one ends. It reaches an
   // edge farther, for the corners of faces that only just come near.
   const auto pose_in = [&](int steps) {
     Pose there = X;
-    if (rebases_) there.p += std::min(longest_lead, steps * settings_.h) * velocity_;
+    if (rebases_) there.p += way_ahead_.in(std::min(longest_lead, steps), body.last_base_steps);
     return there;
   };
-  const Pose adopted = pose_in(body.last_base_steps);
-  const Pose replaced = pose_in(2 * body.last_base_steps + rest_between_bases);
+  const int adopted = body.last_base_steps;
+  const int replaced = 2 * adopted + rest_between_bases + (adopted + 3) / 4;  // or later
+  // Of an arc a little more than what its chord says.
+  const double way = 1.6 * (pose_in(replaced).p - pose_in(adopted).p).norm();
+  const int poses =
+      static_cast<int>(std::min(most_poses, std::ceil(way / (pose_spacing * settings_.alarm_distance))));
   const double new_zone = body.model.corotational || rebases_ ? zone_reach : lasting_reach;
   const double reach = new_zone * settings_.alarm_distance + (rebases_ ? body.edge : 0);
   const double near = zone_keep * settings_.alarm_distance;
 
-  const std::size_t nodes = body.state.x.size();
-  const PlacedInstrument at_adopted(*instrument_, adopted), at_replaced(*instrument_, replaced),
-      here(*instrument_, X);
-  std::vector<double> gap(nodes, std::numeric_limits<double>::infinity());  // at `adopted`, of what is near
-  for (std::size_t n = 0; n < nodes; ++n)
-    if (at_adopted.near(body.state.x[n], std::max(reach, near)))
-      gap[n] = at_adopted.gap(body.state.x[n]).distance;
-  const auto is_below = [&](const PlacedInstrument& there, double bound, int n) {
-    return there.near(body.state.x[n], bound) && there.gap(body.state.x[n]).distance < bound;
+  const auto gap_below = [&](const PlacedInstrument& there, double bound, int n) {
+    return there.near(body.state.x[n], bound) ? std::min(bound, there.gap(body.state.x[n]).distance) : bound;
   };
-  std::vector<std::uint8_t> on_surface(nodes, 0), needed(nodes, 0);
+  const std::vector<Vec3>& x = body.state.x;
+  const PlacedInstrument here(*instrument_, X), at_adopted(*instrument_, pose_in(adopted));
+  // What is farther than that from the first place is far from all others.
+  const double farthest = std::max(reach, near) + std::max(way, (pose_in(adopted).p - X.p).norm());
+  std::vector<int> around;
+  std::vector<double> gap(x.size(), std::numeric_limits<double>::infinity());
+  std::vector<std::uint8_t> is_near(x.size(), 0);
+  for (int n = 0; n < body.model.node_count(); ++n) {
+    if (!at_adopted.near(x[n], farthest)) continue;
+    around.push_back(n);
+    gap[n] = at_adopted.gap(x[n]).distance;
+    is_near[n] = gap[n] < near || (rebases_ && gap_below(here, near, n) < near);
+  }
+  std::vector<std::uint8_t> on_surface(x.size(), 0), needed(x.size(), 0);
   for (const SurfaceFace& face : body.surface.faces()) {
     for (const int n : face.nodes) on_surface[n] = 1;
-    if (std::any_of(face.nodes.begin(), face.nodes.end(),
-                    [&](int n) { return gap[n] < near || (rebases_ && is_below(here, near, n)); }))
+    if (std::any_of(face.nodes.begin(), face.nodes.end(), [&](int n) { return is_near[n] != 0; }))
       for (const int n : face.nodes) needed[n] = 1;
   }
-  std::vector<ZoneNode> wanted;
-  for (int n = 0; n < body.model.node_count(); ++n) {
-    double least = gap[n];
-    if (rebases_ && at_replaced.near(body.state.x[n], std::min(reach, least)))
-      least = std::min(least, at_replaced.gap(body.state.x[n]).distance);
-    // Of nodes alike near, those of the surface come first: they are what patches are made of.
-    if (least < reach) wanted.push_back({least + (on_surface[n] ? 0 : body.edge), n, needed[n] != 0});
+  for (int k = 1; rebases_ && k <= poses; ++k) {
+    const PlacedInstrument on_the_way(*instrument_, pose_in(adopted + k * (replaced - adopted) / poses));
+    for (const int n : around) gap[n] = gap_below(on_the_way, gap[n], n);
   }
+  std::vector<ZoneNode> wanted;
+  for (const int n : around)
+    // Of nodes alike near, those of the surface come first: they are what patches are made of.
+    if (gap[n] < reach || (rebases_ && needed[n]))
+      wanted.push_back({gap[n] + (on_surface[n] ? 0 : body.edge), n, needed[n] != 0});
   std::sort(wanted.begin(), wanted.end(), [](const ZoneNode& a, const ZoneNode& b) {
     return a.distance != b.distance ? a.distance < b.distance : a.node < b.node;
   });
-  if (wanted.size() > max_zone_nodes + max_ring_nodes) wanted.resize(max_zone_nodes + max_ring_nodes);
+  if (wanted.size() > max_zone_nodes) {
+    // The ring begins with what is needed here and now, for an instrument that stops or turns back.
+    std::stable_partition(wanted.begin() + max_zone_nodes, wanted.end(),
+                          [](const ZoneNode& n) { return n.needed; });
+    wanted.resize(std::min(wanted.size(), max_zone_nodes + max_ring_nodes));
+  }
   return wanted;
 }
 
 void World::update_zone(int b, const InstrumentSample& sample, std::span<const int> nodes) {
+  Body& body = bodies_[b];
+  // Of the base after the one in the making, the zone is chosen when that is adopted.
+  if (rebases_ && body.base_under_way) return;
+  // What is near now is where the instrument is no more when a base made elsewhere comes into use.
+  const Pose* X = sample.present ? &sample.pose : nullptr;
+  const bool covered = rebases_ ? choose_zone(b, X, {}, nodes) : choose_zone(b, X, nodes, nodes);
+  if (!covered) body.base_wanted = true;
+  if (!covered && !rebases_) ahead_[b] = 0;
+}
+
+// Tells the compliance which nodes: `first`, and those near X (null: no instrument). Returns whether what it
+// has covers those that are needed: so near, or named as such.
+bool World::choose_zone(int b, const Pose* X, std::span<const int> first, std::span<const int> needed) {
   const Within collision(times(), StepPart::collision);
   Body& body = bodies_[b];
   // Nearest first: the patch of the nodes named first is the cheapest.
-  std::vector<int> zone(nodes.begin(), nodes.end());
+  std::vector<int> zone(first.begin(), first.end());
   std::vector<std::uint8_t> inside(body.state.x.size(), 0);
   for (int n : zone) inside[n] = 1;
-  std::vector<int> must(zone);
-  const auto add = [&](int n, bool needed) {
+  std::vector<int> must(needed.begin(), needed.end());
+  const auto add = [&](int n, bool is_needed) {
     if (!inside[n]) zone.push_back(n);
     inside[n] = 1;
-    if (needed) must.push_back(n);
+    if (is_needed) must.push_back(n);
   };
   std::vector<int> ring;
-  if (sample.present) {
-    const std::vector<ZoneNode> near = zone_at_instrument(body, sample.pose);
+  if (X) {
+    const std::vector<ZoneNode> near = zone_at_instrument(body, *X);
     for (std::size_t k = 0; k < near.size(); ++k)
       if (k < max_zone_nodes)
         add(near[k].node, near[k].needed);
@@ -299,12 +330,11 @@ void World::update_zone(int b, const InstrumentSample& sample, std::span<const i
   }
   for (const int n : contacts_.nodes_of(b)) add(n, true);
   const bool covered = body.compliance->zone_covers(must);
-  if (!covered) body.base_wanted = true;
-  if (!covered && !rebases_) ahead_[b] = 0;
   // A zone for the next base may follow the instrument at every step; one that is factored here may not.
-  if (!rebases_ && covered) return;
+  if (!rebases_ && covered) return true;
   body.compliance->move_zone(zone);
   body.compliance->move_ring(ring);
+  return covered;
 }
 
 // Tissue let go springs back by an edge in a step, not by many. Where elements outside the zone have turned
@@ -330,7 +360,9 @@ bool World::believed(Body& body) {
 }
 
 // Of the present state, in this step, however long that takes.
-void World::make_base(Body& body, StepReport& report) {
+void World::make_base(int b, StepReport& report) {
+  Body& body = bodies_[b];
+  choose_zone(b, was_present_ ? &last_pose_ : nullptr, patch_nodes_of(b), {});
   std::unique_ptr<ComplianceBase> base = body.compliance->snapshot_base(body.state);
   if (!base) return;
   base->make();
@@ -349,7 +381,7 @@ void World::factor(int b, StepReport& report) {
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
   if (!believed(body)) {
-    make_base(body, report);
+    make_base(b, report);
     compute_free_motion(body, settings_.h);
   }
   if (!contacts_.empty()) finish_free_motion(body, nullptr);  // of any node that may meet another body

@@ -32,6 +32,7 @@
 #include "physics/simulation/collision.h"
 #include "physics/simulation/patch.h"
 #include "physics/simulation/removal.h"
+#include "physics/simulation/way_ahead.h"
 
 namespace hapticd {
 
@@ -152,12 +153,13 @@ class World {
   };
   std::vector<ZoneNode> zone_at_instrument(const Body& body, const Pose& X) const;
   void update_zone(int body, const InstrumentSample& sample, std::span<const int> nodes);
+  bool choose_zone(int body, const Pose* X, std::span<const int> first, std::span<const int> needed);
   void cover(int body, const InstrumentSample& sample, std::span<const int> nodes, StepReport& report);
   void follow_instrument(const InstrumentSample& sample);
   void wake(const InstrumentSample& sample);
   void factor(int body, StepReport& report);
   bool believed(Body& body);
-  void make_base(Body& body, StepReport& report);
+  void make_base(int body, StepReport& report);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   std::vector<int> patch_nodes_of(int body) const;
@@ -212,8 +214,8 @@ class World {
   bool rebases_ = false;                           // the method keeps bases that others make
   std::unique_ptr<ContactScratch> ahead_scratch_;  // only with a lead
   std::vector<std::uint8_t> ahead_;  // per body: its factor and free motion are those of the step to come
-  Vec3 velocity_ = Vec3::Zero();     // of the instrument [m/s]
-  Vec6 twist_ = Vec6::Zero();        // … as a displacement per second
+  Vec6 twist_ = Vec6::Zero();        // of the instrument, as a displacement per second
+  WayAhead way_ahead_;
   Pose last_pose_;
   double last_time_ = 0;     // of it [s]
   Vec6 way_ = Vec6::Zero();  // of the instrument, from the step before to this one

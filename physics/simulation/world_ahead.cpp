@@ -68,7 +68,7 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
     linearise_ahead(body, settings_.h);
     ahead_[b] = 1;
     if (believed(body)) continue;
-    make_base(body, report);
+    make_base(static_cast<int>(b), report);
     body.dx_free = body.dx_ahead;
     linearise_ahead(body, settings_.h);
   }

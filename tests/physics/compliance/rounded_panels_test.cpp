@@ -72,6 +72,17 @@ TEST_P(RoundedPanelsOf, HalvesAreNearTheExactAndEachOthersTranspose) {
       EXPECT_LT((f - exact_f).norm(), 1e-4 * exact_f.norm()) << w0 << ' ' << w1;
       EXPECT_LT((g - exact_g).norm(), 1e-4 * exact_g.norm()) << w0 << ' ' << w1;
       EXPECT_NEAR(f.dot(b), g.dot(a), 3e-6 * f.norm() * b.norm()) << w0 << ' ' << w1;
+
+      // The last panel alone: a forward half of what is zero before it, and the end of a backward half.
+      VecX late = a, end = b;
+      late.head(w0).setZero();
+      VecX late_whole = late;
+      panels.forward(late_whole);
+      panels.forward_last(late);
+      EXPECT_EQ(late, late_whole);
+      panels.backward_last(end);
+      EXPECT_EQ(end.tail(n - w0), g.tail(n - w0));
+      EXPECT_EQ(end.head(w0), b.head(w0));
     }
 }
 

@@ -100,41 +100,46 @@ TEST(ZoneCompliance, RemovalAnywhereIsExactWhileNothingMoved) {
   }
 }
 
-// begin(b) is C b on the zone, finish(f) is C (b + f), carried terms and turned tissue included; and an
-// update ends what was begun.
+// begin(b) is C b where the halves cover, on zone and ring, and finish(f) is C (b + f) for f there; carried
+// terms and turned tissue included. An update ends what was begun.
 TEST(ZoneCompliance, HalvesAreTheWhole) {
   const TissueModel model = box(4);
-  const std::vector<int> zone = oracle::nearest(model, tip, 30);
-  TissueState state = deformed(model, 5);
-  const auto compliance = zone_method(model, zone);
-  compliance->update(state);
-  const std::vector<int> gone = tets_where(model, zone, Where::across);
-  remove(model, state, *compliance, {gone[0], gone[1]});
-  for (Vec3& x : state.x) x = Eigen::AngleAxisd(0.3, Vec3::UnitX()) * x;
-  update_rotations(model, state);
-  compliance->update(state);
+  const std::vector<int> near = oracle::nearest(model, tip, 45);
+  const std::vector<int> zone(near.begin(), near.begin() + 30), ring(near.begin() + 30, near.end());
+  for (const bool with_ring : {false, true}) {
+    TissueState state = deformed(model, 5);
+    const auto compliance = zone_method(model, zone);
+    if (with_ring) compliance->move_ring(ring);
+    compliance->update(state);
+    const std::vector<int> gone = tets_where(model, zone, Where::across);
+    remove(model, state, *compliance, {gone[0], gone[1]});
+    for (Vec3& x : state.x) x = Eigen::AngleAxisd(0.3, Vec3::UnitX()) * x;
+    update_rotations(model, state);
+    compliance->update(state);
+    EXPECT_TRUE(compliance->halves_cover(with_ring ? near : zone));
 
-  const VecX b = VecX::Random(3 * model.node_count());
-  VecX f = VecX::Zero(b.size()), y(b.size()), whole(b.size());
-  for (const int n : {zone[0], zone[7], zone[29]}) f.segment<3>(3 * n) = Vec3(1, -2, 3);
-  compliance->apply(b, whole);
-  ASSERT_FALSE(compliance->begin(b, y));
-  std::vector<std::uint8_t> in_zone(model.node_count(), 0);
-  for (const int n : zone) in_zone[n] = 1;
-  for (int n = 0; n < model.node_count(); ++n) {
-    const Vec3 expected = in_zone[n] ? Vec3(whole.segment<3>(3 * n)) : Vec3(0, 0, 0);
-    EXPECT_LT((y.segment<3>(3 * n) - expected).norm(), 1e-12 * whole.norm());
+    const VecX b = VecX::Random(3 * model.node_count());
+    VecX f = VecX::Zero(b.size()), y(b.size()), whole(b.size());
+    for (const int n : {zone[0], zone[7], zone[29]}) f.segment<3>(3 * n) = Vec3(1, -2, 3);
+    if (with_ring) f.segment<3>(3 * ring[4]) = Vec3(-2, 0, 1);
+    compliance->apply(b, whole);
+    ASSERT_FALSE(compliance->begin(b, y));
+    for (int n = 0; n < model.node_count(); ++n) {
+      const bool known = compliance->halves_cover(std::span(&n, 1));
+      const Vec3 expected = known ? Vec3(whole.segment<3>(3 * n)) : Vec3(0, 0, 0);
+      EXPECT_LT((y.segment<3>(3 * n) - expected).norm(), 1e-12 * whole.norm());
+    }
+    // What is asked in between does not disturb it.
+    MatX block(9, 9);
+    compliance->patch(std::vector<int>{zone[1], zone[2], near.back()}, block);
+    compliance->apply(b + f, whole);
+    compliance->finish(f, y);
+    EXPECT_LT((y - whole).norm(), 1e-12 * whole.norm());
+    EXPECT_THROW(compliance->finish(f, y), std::runtime_error);
+    compliance->begin(b, y);
+    compliance->update(state);
+    EXPECT_THROW(compliance->finish(f, y), std::runtime_error);
   }
-  // What is asked in between does not disturb it.
-  MatX block(9, 9);
-  compliance->patch(std::vector<int>{zone[1], zone[2], oracle::nearest(model, tip, 45).back()}, block);
-  compliance->apply(b + f, whole);
-  compliance->finish(f, y);
-  EXPECT_LT((y - whole).norm(), 1e-12 * whole.norm());
-  EXPECT_THROW(compliance->finish(f, y), std::runtime_error);
-  compliance->begin(b, y);
-  compliance->update(state);
-  EXPECT_THROW(compliance->finish(f, y), std::runtime_error);
 }
 
 // A ring changes no result: it is out of the zone.
