@@ -128,6 +128,10 @@ TEST(ZoneCompliance, HalvesAreTheWhole) {
   // What is asked in between does not disturb it.
   MatX block(9, 9);
   compliance->patch(std::vector<int>{zone[1], zone[2], oracle::nearest(model, tip, 45).back()}, block);
+  compliance->apply(f, whole);
+  compliance->apply_in_zone(f, y);
+  for (const int n : zone)
+    EXPECT_LT((y.segment<3>(3 * n) - whole.segment<3>(3 * n)).norm(), 1e-12 * whole.norm());
   compliance->apply(b + f, whole);
   compliance->finish(f, y);
   EXPECT_LT((y - whole).norm(), 1e-12 * whole.norm());
