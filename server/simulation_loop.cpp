@@ -16,6 +16,8 @@
 namespace hapticd {
 namespace {
 
+constexpr double refreshed_at[] = {0.6, 0.8};  // periods after a step's begin
+
 // A base may wait; the step on the same core may not. Refused or not, nothing depends on it.
 void be_nice() {
   constexpr int lowest = 19;
@@ -71,6 +73,7 @@ void SimulationLoop::run() {
   while (!stopping_) {
     statistics_.last_ns = intended;
     step();
+    refresh(intended);
     intended += period_ns_;
     const std::int64_t late = monotonic_ns() - intended;
     if (late > period_ns_) {
@@ -139,6 +142,20 @@ void SimulationLoop::step() {
   statistics_.step.record(spent);
   count(report);
   publish_snapshot(spent, report);
+}
+
+void SimulationLoop::refresh(std::int64_t intended) {
+  if (!world_.wants_refresh()) return;
+  for (const double at : refreshed_at) {
+    const auto due = intended + static_cast<std::int64_t>(at * static_cast<double>(period_ns_));
+    if (stopping_ || monotonic_ns() > due) continue;
+    sleep_until(due);
+    const std::int64_t begin = monotonic_ns();
+    if (!world_.refresh(latest(), problems_.back())) continue;
+    problems_.back().published_ns = monotonic_ns();
+    problems_.publish();
+    statistics_.refresh.record(monotonic_ns() - begin);
+  }
 }
 
 void SimulationLoop::publish_snapshot(std::int64_t step_ns, const StepReport& report) {

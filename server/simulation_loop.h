@@ -2,7 +2,8 @@
 //
 //   every 1/rate:  adopt the bases that are ready → world.step (latching the newest instrument; where
 //                  something goes, an interim problem is published within it) → publish problem → ask for
-//                  the bases that are wanted → snapshot for display
+//                  the bases that are wanted → snapshot for display; where something went, the problem is
+//                  made again with the poses of 0.6 and 0.8 of the period (World::refresh)
 //
 // Time: an absolute grid on CLOCK_MONOTONIC; a step that ends late leaves the passed grid points out
 // (`overruns` counts them) and simulation time falls behind real time by as much.
@@ -30,6 +31,7 @@ namespace hapticd {
 struct SimulationStatistics {
   Histogram step;     // compute time of a step, bases adopted and asked for included
   Histogram interim;  // from a step's begin to the publication of its interim problem
+  Histogram refresh;  // from the latch of a problem made again to its publication
   std::atomic<std::uint64_t> late_removals{0};  // steps that removed something and had none
   std::atomic<std::uint64_t> steps{0};
   std::atomic<std::uint64_t> overruns{0};   // grid points left out
@@ -81,6 +83,7 @@ class SimulationLoop {
  private:
   void run();
   void step();
+  void refresh(std::int64_t intended);
   void adopt_bases();
   void count(const StepReport& report);
   InstrumentSample latest();

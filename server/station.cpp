@@ -130,6 +130,10 @@ nlohmann::json Station::summary() const {
     j["interim_problems"] = interim.count;
     j["interim_ms"] = milliseconds(interim);
   }
+  if (const HistogramSnapshot refresh = s.refresh.snapshot(); refresh.count > 0) {
+    j["refreshed_problems"] = refresh.count;
+    j["refresh_ms"] = milliseconds(refresh);
+  }
   j["removals_without_interim"] = s.late_removals.load();
   j["elements_removed"] = s.removed.load();
   j["fragments_aspirated"] = s.aspirated.load();

@@ -60,6 +60,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
           "base_after",
           "interim",
           "interim_after",
+          "refresh",
           "meshes"});
   ForceConfiguration c;
   c.label = y.text("label");
@@ -89,6 +90,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   if (y.has("base_after")) c.options.base_after = y.number("base_after", positive);
   if (y.has("interim_after")) c.options.interim_after = y.number("interim_after", positive);
   if (!y.flag("interim", true)) c.options.interim_after.reset();
+  if (!y.flag("refresh", true)) c.options.refresh_at.clear();
   if (raw["meshes"]) c.meshes = read_meshes(raw["meshes"], y.folder());
   c.words = words_of(raw);
   return c;

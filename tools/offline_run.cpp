@@ -17,8 +17,9 @@ namespace hapticd {
 
 namespace {
 
-constexpr double tick = 1e-3;     // [s]
-constexpr double instant = 1e-9;  // times closer than this are the same [s]
+constexpr double tick = 1e-3;           // [s]
+constexpr double instant = 1e-9;        // times closer than this are the same [s]
+constexpr double refresh_takes = 2e-3;  // from its pose until it is in use [s]
 constexpr std::int64_t first_ns = 1'000'000'000;
 
 double cpu_seconds() {
@@ -112,6 +113,12 @@ class Simulation {
     const double publish = std::min(options_.publish_after, h_);
     const double interim = interims_ ? std::min(*options_.interim_after, publish) : publish;
     for (;;) {
+      if (!refreshes_.empty() && refreshes_.front() <= t + instant) {
+        const double from = refreshes_.front();
+        refreshes_.pop_front();
+        swapped = refresh(from) || swapped;
+        continue;
+      }
       if (!stepped_ && begin_ + interim <= t + instant) {
         swapped = step(begin_) || swapped;
         stepped_ = true;
@@ -121,6 +128,9 @@ class Simulation {
       in_use_->published_ns = in_ns(begin_ + publish);
       swapped = true;
       stepped_ = false;
+      for (const double at : options_.refresh_at)
+        if (interims_ && at * h_ >= publish - instant && at * h_ + refresh_takes <= h_ + instant)
+          refreshes_.push_back(begin_ + at * h_ + refresh_takes);
       begin_ = input_.from - input_.settle + static_cast<double>(++count_) * h_;
     }
   }
@@ -174,6 +184,15 @@ class Simulation {
     return report_.interim;
   }
 
+  // The problem in use made again, to be in use from `t` on. True if it is.
+  bool refresh(double t) {
+    const Cost cost(result_.simulation, t >= input_.from - instant);
+    if (!world_->refresh(instrument_at(input_, t - refresh_takes), *next_)) return false;
+    std::swap(in_use_, next_);
+    in_use_->published_ns = in_ns(t);
+    return true;
+  }
+
   // Of the haptic loop's clock.
   std::int64_t in_ns(double t) const {
     return first_ns + std::llround(1e9 * (t - input_.from + input_.settle));
@@ -200,6 +219,7 @@ class Simulation {
   bool stepped_ = false;  // `next_` is of the step that begins at `begin_`
   StepReport report_;
   std::deque<Base> bases_;
+  std::deque<double> refreshes_;  // when problems made again come into use [s]
 };
 
 // The device as it is, or with nothing between the contact's force and its answer.

@@ -3,7 +3,8 @@
 //
 //   simulation   step k begins at k h with the pose of then, latches the pose of k h + latch_after, and its
 //                problem is in use from k h + publish_after on; world.step is the daemon's
-//                where something goes, an interim problem (interim.h) from k h + interim_after on
+//                where something goes, an interim problem (interim.h) from k h + interim_after on,
+//                and its own made again (World::refresh) with the poses of k h + refresh_at h
 //   haptic       one haptic_step each millisecond, on the newest problem in use at that time
 //   bases        made at once, adopted before the first step that begins base_after later
 //
@@ -74,7 +75,10 @@ struct OfflineOptions {
   std::optional<double> latch_after;
   double publish_after = 10e-3;                        // … at most a period [s]
   std::optional<double> interim_after = removal_lead;  // …; absent: no interim problems
-  double base_after = 0.04;                            // [s]
+  // Poses of World::refresh, in periods after a step's begin; in use 2 ms later, where that is between the
+  // step's own problem and the next step.
+  std::vector<double> refresh_at = {0.6, 0.8};
+  double base_after = 0.04;  // [s]
 };
 
 struct OfflineTick {

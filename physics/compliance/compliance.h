@@ -118,6 +118,10 @@ class Compliance {
   // True if the halves know of every free node of `nodes`: those of the zone, and of the ring.
   virtual bool halves_cover(std::span<const int> nodes) const { return zone_covers(nodes); }
 
+  // y = C f on the zone's nodes, of a force on the zone alone; what y has elsewhere is not promised. Nothing
+  // that was begun is ended.
+  virtual void apply_in_zone(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) { apply(f, y); }
+
   // C_pp of the given zone nodes, 3·|nodes| square, into `block` (rows of fixed or orphan nodes are zero).
   // Contract: zone_covers(nodes) at the last update; std::invalid_argument otherwise.
   virtual void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) = 0;

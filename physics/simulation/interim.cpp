@@ -32,16 +32,17 @@ class Linearisation {
 
   Vec3 offset(int n) const { return ahead_ ? Vec3(body_.dx_ahead.segment<3>(3 * n)) : Vec3::Zero(); }
 
-  // r_e by corner.
-  Corners load(int t) const {
+  // r_e by corner. Of an element turned with R, the force is R sym(RᵀF)'s; of its own rotation it is so
+  // anyway.
+  Corners load(int t, const Mat3& R) const {
     const TissueModel& m = body_.model;
     const Tet& tet = m.mesh.tets[t];
-    const Mat3& R = body_.state.rotation[t];
     const double mu = m.material.mu(), lambda = m.material.lambda();
     Corners motion;
     for (int a = 0; a < 4; ++a) motion.col(a) = offset(tet[a]);
-    Mat3 F = deformation_gradient(corners_of(tet, body_.state.x) + motion, m.gradients[t]);
-    if (!m.corotational) F = 0.5 * (F + F.transpose()).eval();
+    const Mat3 S =
+        R.transpose() * deformation_gradient(corners_of(tet, body_.state.x) + motion, m.gradients[t]);
+    const Mat3 F = 0.5 * R * (S + S.transpose());
     Corners load = element_forces(F, R, m.gradients[t], m.volume[t], mu, lambda);
     const Mat3 A = R.transpose() * deformation_gradient(motion, m.gradients[t]);
     const Mat3 strained = R * (Mat3::Identity() + 0.5 * (A + A.transpose()));
@@ -59,17 +60,19 @@ class Linearisation {
   double h_, per_mass_, damping_;
 };
 
-void add_element(const Body& body, const Linearisation& at, int t, Gone& gone) {
+// E and r_E of an element with rotation R: `sign` 1 where it goes, −1 where it comes.
+void add_element(const Body& body, const Linearisation& at, int t, const Mat3& R, double sign, Gone& gone) {
   const TissueModel& m = body.model;
   const Tet& tet = m.mesh.tets[t];
-  const Gradients b = body.state.rotation[t] * m.gradients[t];
-  const double mu = at.stiffness() * m.material.mu(), lambda = at.stiffness() * m.material.lambda();
-  const Corners load = at.load(t);
+  const Gradients b = R * m.gradients[t];
+  const double mu = sign * at.stiffness() * m.material.mu(),
+               lambda = sign * at.stiffness() * m.material.lambda();
+  const Corners load = sign * at.load(t, R);
   for (int i = 0; i < 4; ++i) {
     if (m.fixed[tet[i]]) continue;
     const int gi = 3 * gone.index[tet[i]];
     gone.r.segment<3>(gi) += load.col(i);
-    gone.M.diagonal().segment<3>(gi).array() += at.per_mass() * at.mass(t);
+    gone.M.diagonal().segment<3>(gi).array() += sign * at.per_mass() * at.mass(t);
     for (int j = 0; j < 4; ++j)
       if (!m.fixed[tet[j]])
         gone.M.block<3, 3>(gi, 3 * gone.index[tet[j]]) +=
@@ -77,41 +80,48 @@ void add_element(const Body& body, const Linearisation& at, int t, Gone& gone) {
   }
 }
 
-Gone gone_of(const Body& body, std::span<const int> tets, const Linearisation& at,
-             std::span<const int> nodes) {
+Gone gone_of(const Body& body, std::span<const int> tets, std::span<const Turned> turned,
+             const Linearisation& at, std::span<const int> nodes) {
   Gone gone;
   gone.index.assign(body.state.x.size(), -1);
-  for (const int t : tets)
+  const auto add_nodes = [&](int t) {
     for (const int n : body.model.mesh.tets[t])
       if (gone.index[n] < 0) {
         gone.index[n] = static_cast<int>(gone.node.size());
         gone.node.push_back(n);
         gone.place.push_back(static_cast<int>(std::find(nodes.begin(), nodes.end(), n) - nodes.begin()));
       }
+  };
+  for (const int t : tets) add_nodes(t);
+  for (const Turned& t : turned) add_nodes(t.tet);
   const auto size = static_cast<Eigen::Index>(3 * gone.node.size());
   gone.M = MatX::Zero(size, size);
   gone.r = VecX::Zero(size);
-  for (const int t : tets) add_element(body, at, t, gone);
+  for (const int t : tets) add_element(body, at, t, body.state.rotation[t], 1, gone);
   const double s = size > 0 ? gone.M.diagonal().maxCoeff() : 0;
   for (std::size_t g = 0; g < gone.node.size(); ++g) {
     const int n = gone.node[g];
     if (body.state.live_tets_of_node[n] == 0 && !body.model.fixed[n])
       gone.M.diagonal().segment<3>(static_cast<Eigen::Index>(3 * g)).array() -= s;
   }
+  for (const Turned& t : turned) {
+    add_element(body, at, t.tet, body.state.rotation[t.tet], 1, gone);
+    add_element(body, at, t.tet, t.R, -1, gone);
+  }
   return gone;
 }
 
 }  // namespace
 
-bool condense_without(Body& body, std::span<const int> tets, Linearised linearised, double h,
-                      std::span<const int> nodes, int kept, const VecX& force, int uncovered,
-                      Condensed& out) {
+bool condense_without(Body& body, std::span<const int> tets, std::span<const Turned> turned,
+                      Linearised linearised, double h, std::span<const int> nodes, int kept,
+                      const VecX& force, int uncovered, Condensed& out) {
   const auto outside = std::count_if(nodes.begin(), nodes.end(), [&](const int& n) {
     return !body.compliance->zone_covers(std::span(&n, 1));
   });
   if (outside > uncovered) return false;
   const Linearisation at(body, linearised, h);
-  const Gone gone = gone_of(body, tets, at, nodes);
+  const Gone gone = gone_of(body, tets, turned, at, nodes);
   const auto all = static_cast<Eigen::Index>(3 * nodes.size());
   const auto size = static_cast<Eigen::Index>(3 * gone.node.size());
   const Eigen::Index wanted = 3 * kept;
@@ -147,6 +157,11 @@ bool condense_without(Body& body, std::span<const int> tets, Linearised linearis
   if (size > 0 && Eigen::LLT<MatX>(0.5 * (corner + corner.transpose())).info() != Eigen::Success)
     return false;
 
+  out.changed = gone.node;
+  out.M = gone.M;
+  out.r = gone.r;
+  out.moved = right.col(wanted + size);
+  out.moved_by = right.leftCols(wanted);
   out.C = C_all.topLeftCorner(wanted, wanted);
   out.C.triangularView<Eigen::Lower>() += C_G.topRows(wanted) * (gone.M * right.leftCols(wanted));
   out.C.triangularView<Eigen::StrictlyUpper>() = out.C.transpose();
@@ -158,6 +173,10 @@ bool condense_without(Body& body, std::span<const int> tets, Linearised linearis
     out.dx_pressed.segment<3>(3 * i) += body.dx_free.segment<3>(3 * nodes[i]);
   }
   return true;
+}
+
+VecX force_of_change(const Condensed& c, const VecX& force) {
+  return c.M * (c.moved + c.moved_by * force) - c.r;
 }
 
 }  // namespace hapticd

@@ -64,6 +64,8 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   follow_instrument(sample);
   remove_scheduled(report);
   remove_at_tip(sample, report);
+  removing_ = report.removed > 0;
+  changes_.clear();
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     if (bodies_[b].deformable && !bodies_[b].asleep && gone_[b].empty()) {
       const Within collision(times(), StepPart::collision);

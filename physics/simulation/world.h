@@ -12,6 +12,8 @@
 //   7  look ahead: the same contact solve where the instrument will be at `lead`, and all bodies linearised
 //      again at what that does to them (look_ahead.h)
 //   8  fill the condensed problem                                (the caller publishes it)
+//   9  after a step that removed something, until the next: the same problem made again for the newest pose,
+//      when and as often as the caller has the time (`refresh`)
 //
 // Factor and free motion of 7 are those of the next step's 2, unless an element goes or the zone moves: the
 // pose is then latched at once. Without a lead it is latched after the factor, and free motion is published
@@ -30,6 +32,7 @@
 #include "physics/simulation/body.h"
 #include "physics/simulation/body_contact.h"
 #include "physics/simulation/collision.h"
+#include "physics/simulation/interim.h"
 #include "physics/simulation/patch.h"
 #include "physics/simulation/removal.h"
 #include "physics/simulation/way_ahead.h"
@@ -121,6 +124,11 @@ class World {
   // Between steps: the next one begins by removing these, whatever the tip does.
   void schedule_removal(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
 
+  // Between steps, after one that removed something: its problem made again for where the instrument now is,
+  // if what is left turns there (world_refresh.cpp). False: there is nothing to publish.
+  bool wants_refresh() const { return removing_ && looks_ahead(); }
+  bool refresh(const InstrumentSample& sample, CondensedProblem& problem);
+
   // Between steps: new bases to be made elsewhere, at most one at a time for a body; and back. A body whose
   // base never comes stays right in its zone, and its report says how stale the rest has become.
   std::vector<BaseJob> wanted_bases();
@@ -176,6 +184,7 @@ class World {
   PartTimes* times() const { return settings_.compliance_options.times; }
   void look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   Pose pose_ahead(const Pose& X) const;
+  ContactSolution solve_ahead(const Pose& X, const CondensedProblem& problem);
   VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch) const;
 
   // Bodies against bodies: world_contact.cpp.
@@ -211,6 +220,7 @@ class World {
   double removal_budget_ = 0;
   int removed_ = 0;
   bool topology_changed_ = false;
+  bool removing_ = false;                          // this step, or the last, removed something
   bool rebases_ = false;                           // the method keeps bases that others make
   std::unique_ptr<ContactScratch> ahead_scratch_;  // only with a lead
   std::vector<std::uint8_t> ahead_;  // per body: its factor and free motion are those of the step to come
@@ -221,6 +231,7 @@ class World {
   Vec6 way_ = Vec6::Zero();  // of the instrument, from the step before to this one
   bool was_present_ = false;
   std::vector<std::vector<int>> gone_;  // per body: in this step, and its compliance does not know yet
+  std::vector<Condensed> changes_;      // per body: from the last step's problem to its newest refresh
   std::vector<BaseJob> made_;           // bases to be adopted in the next step
   std::uint64_t steps_ = 0;
   std::uint64_t problems_ = 0;

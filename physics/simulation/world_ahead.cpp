@@ -1,6 +1,8 @@
 // The part of the step in which bodies are linearised where the instrument is about to take them
-// (look_ahead.h).
+// (look_ahead.h): for the middle of their problem's use; after a removal, when the problem is refreshed
+// (world_refresh.cpp), for its begin.
 #include <algorithm>
+#include <cmath>
 
 #include "physics/simulation/look_ahead.h"
 #include "physics/simulation/world.h"
@@ -8,7 +10,10 @@
 namespace hapticd {
 namespace {
 
-constexpr double most_ahead = 0.5;  // in alarm distances: the patch is that of the pose it was gathered at
+constexpr double most_ahead = 0.5;    // in alarm distances: the patch is that of the pose it was gathered at
+constexpr double first_use = 0.25;    // of a step, after the pose, of a problem that is refreshed
+constexpr double part_of_way = 0.05;  // in alarm distances, that contact is solved on
+constexpr double most_parts = 6;
 
 }  // namespace
 
@@ -28,16 +33,30 @@ Pose World::pose_ahead(const Pose& X) const {
   return displaced(X, std::min(1.0, most / std::max(way.head<3>().norm(), 1e-12)) * way);
 }
 
+// Nothing of this solve is remembered but what it foresees. A thin piece that a removal left may give way to
+// either side of the instrument, or be held by friction: it is met on the way, from where the problem was
+// made.
+ContactSolution World::solve_ahead(const Pose& X, const CondensedProblem& problem) {
+  ContactState state = contact_state_;
+  const Vec6 way = difference(X, problem.X_ref);
+  const double parts =
+      removing_
+          ? std::min(std::ceil(way.head<3>().norm() / (part_of_way * settings_.alarm_distance)), most_parts)
+          : 1;
+  for (int p = 1; p < parts; ++p)
+    solve_contact(problem, *instrument_, displaced(problem.X_ref, p / parts * way), settings_.h,
+                  contact_options(), state, *ahead_scratch_);
+  return solve_contact(problem, *instrument_, X, settings_.h, contact_options(), state, *ahead_scratch_);
+}
+
 void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
   InstrumentSample there = sample;
   there.pose = pose_ahead(sample.pose);
   ContactSolution contact;
   if (sample.present) {
     const Within solve(times(), StepPart::solve);
-    // Nothing of this solve is remembered but what it foresees.
-    ContactState state = contact_state_;
-    contact = solve_contact(problem, *instrument_, there.pose, settings_.h, contact_options(), state,
-                            *ahead_scratch_);
+    const double share = removing_ ? std::min(1.0, first_use * settings_.h / settings_.lead) : 1;
+    contact = solve_ahead(displaced(sample.pose, share * difference(there.pose, sample.pose)), problem);
   }
   const bool pressed = sample.present && usable(contact);
   const VecX force = pressed ? force_on_patch(problem, *ahead_scratch_) : VecX::Zero(3 * problem.nodes);

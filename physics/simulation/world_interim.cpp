@@ -66,7 +66,7 @@ bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& probl
         f.segment<3>(3 * place_of(before[i].node)) = force.segment<3>(at);
     }
     know_free_motion(body, nodes);
-    if (!condense_without(body, gone_[b], ahead_[b] ? Linearised::ahead : Linearised::here, settings_.h,
+    if (!condense_without(body, gone_[b], {}, ahead_[b] ? Linearised::ahead : Linearised::here, settings_.h,
                           nodes, kept, f.head(3 * static_cast<Eigen::Index>(nodes.size())), uncovered,
                           condensed))
       return false;

@@ -132,6 +132,13 @@ TEST(ZoneCompliance, HalvesAreTheWhole) {
     // What is asked in between does not disturb it.
     MatX block(9, 9);
     compliance->patch(std::vector<int>{zone[1], zone[2], near.back()}, block);
+    VecX in_zone = VecX::Zero(b.size());
+    for (const int n : {zone[0], zone[7], zone[29]}) in_zone.segment<3>(3 * n) = f.segment<3>(3 * n);
+    VecX there(b.size());
+    compliance->apply(in_zone, whole);
+    compliance->apply_in_zone(in_zone, there);
+    for (const int n : zone)
+      EXPECT_LT((there.segment<3>(3 * n) - whole.segment<3>(3 * n)).norm(), 1e-12 * whole.norm());
     compliance->apply(b + f, whole);
     compliance->finish(f, y);
     EXPECT_LT((y - whole).norm(), 1e-12 * whole.norm());

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 
 #include "physics/simulation/look_ahead.h"
 #include "physics/simulation/world.h"
@@ -106,7 +107,7 @@ TEST_P(Without, IsTheSystemCondensedAfreshWithoutThem) {
   int kept = 0;
   const std::vector<int> nodes = nodes_of_interest(body, tets, kept);
   Condensed interim;
-  ASSERT_TRUE(condense_without(body, tets, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
+  ASSERT_TRUE(condense_without(body, tets, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
                                VecX::Zero(3 * nodes.size()), 0, interim));
 
   remove_from(other, tets);
@@ -138,8 +139,78 @@ TEST(Interim, OfNodesThatTheZoneDoesNotCoverThereIsNone) {
   int kept = 0;
   const std::vector<int> nodes = nodes_of_interest(body, tets, kept);
   Condensed interim;
-  EXPECT_FALSE(condense_without(body, tets, Linearised::here, h, nodes, kept, VecX::Zero(3 * nodes.size()), 0,
-                                interim));
+  EXPECT_FALSE(condense_without(body, tets, {}, Linearised::here, h, nodes, kept,
+                                VecX::Zero(3 * nodes.size()), 0, interim));
+}
+
+// Sheared by `angle` above where it is, foreseen.
+void look_ahead_to(Body& body, double angle) {
+  for (int n = 0; n < body.model.node_count(); ++n)
+    body.dx_free.segment<3>(3 * n) =
+        body.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(angle * body.rest[n].z() * Vec3(1, 0.3, -0.2));
+  linearise_ahead(body, h);
+}
+
+std::vector<int> all_nodes(const Body& body) {
+  std::vector<int> nodes(body.model.node_count());
+  for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = static_cast<int>(n);
+  return nodes;
+}
+
+// With rotations held a body is linear, whatever it was linearised at: all that counts is the rotations.
+TEST(Turned, AllOfThemAreABodyLinearisedThere) {
+  Body body(soft_block(3, true), h, gravity), other(soft_block(3, true), h, gravity);
+  const std::vector<int> nodes = all_nodes(body);
+  for (Body* b : {&body, &other}) {
+    disturb(*b);
+    b->compliance->move_zone(nodes);
+  }
+  look_ahead_to(body, 0.05);
+  look_ahead_to(other, 0.4);
+  std::vector<Turned> turned;
+  for (int t = 0; t < body.model.tet_count(); ++t) turned.push_back({t, other.state.rotation[t]});
+  const int count = static_cast<int>(nodes.size());
+  Condensed condensed;
+  ASSERT_TRUE(condense_without(body, {}, turned, Linearised::ahead, h, nodes, count, VecX::Zero(3 * count), 0,
+                               condensed));
+  MatX C(3 * count, 3 * count);
+  other.compliance->patch(nodes, C);
+  EXPECT_LT((condensed.C - C).norm(), 1e-9 * C.norm());
+  EXPECT_LT((condensed.dx_free - other.dx_free).norm(), 1e-9 * other.dx_free.norm());
+  EXPECT_GT((body.dx_free - other.dx_free).norm(), 1e-3 * other.dx_free.norm()) << "it matters";
+
+  // … and forces on the body as it was do to it what the change does.
+  VecX f(3 * count), moved(3 * count);
+  for (Eigen::Index i = 0; i < f.size(); ++i) f[i] = 1e-3 * std::sin(7.0 * static_cast<double>(i));
+  VecX both = f;
+  const VecX change = force_of_change(condensed, f);
+  for (std::size_t g = 0; g < condensed.changed.size(); ++g)
+    both.segment<3>(3 * condensed.changed[g]) += change.segment<3>(static_cast<Eigen::Index>(3 * g));
+  body.compliance->apply(both, moved);
+  const VecX expected = condensed.dx_free + condensed.C * f;
+  EXPECT_LT((body.dx_free + moved - expected).norm(), 1e-9 * expected.norm());
+}
+
+TEST(Turned, ARigidTurnIsFoundAndRestIsNot) {
+  Body body(soft_block(3, true), h, gravity);
+  body.compliance->move_zone(all_nodes(body));
+  body.compliance->update(body.state);
+  VecX dx = VecX::Zero(3 * body.model.node_count());
+  EXPECT_TRUE(turned_elements(body, dx, 1e-12).empty());
+  const Mat3 turn = Eigen::AngleAxisd(0.3, Vec3(1, 2, 2).normalized()).matrix();
+  for (int n = 0; n < body.model.node_count(); ++n)
+    if (!body.model.fixed[n]) dx.segment<3>(3 * n) = turn * body.rest[n] - body.rest[n];
+  int whole = 0, nodes = 0;
+  std::vector<int> named(body.state.x.size(), 0);
+  for (const Turned& t : turned_elements(body, dx, 1e-12)) {
+    const Tet& tet = body.model.mesh.tets[t.tet];
+    for (const int n : tet) nodes += std::exchange(named[n], 1) == 0;
+    if (std::any_of(tet.begin(), tet.end(), [&](int n) { return body.model.fixed[n] != 0; })) continue;
+    ++whole;
+    EXPECT_LT((t.R - turn).norm(), 1e-9);
+  }
+  EXPECT_GT(whole, 0);
+  EXPECT_LE(nodes, most_turned_nodes);
 }
 
 class PressedWorld : public testing::Test {
@@ -234,6 +305,40 @@ TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
     EXPECT_GT((before - own).norm(), 0.05 * before.norm()) << "it was worth an interim problem";
     EXPECT_FALSE(step(*w).interim);
   }
+}
+
+// The tip goes on sideways after the step in which elements went.
+TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
+  const auto w = world(true);
+  for (int i = 0; i < 40; ++i) step(*w);
+  const auto refreshed = std::make_unique<CondensedProblem>();
+  InstrumentSample moved = sample();
+  moved.pose.p += Vec3(0.5e-3, 0, -0.5e-3);
+  EXPECT_FALSE(w->refresh(moved, *refreshed)) << "nothing went";
+  w->schedule_removal(0, under_tip(*w));
+  step(*w);
+  ASSERT_TRUE(w->refresh(moved, *refreshed));
+  EXPECT_EQ(refreshed->step, second->step + 1);
+  EXPECT_FALSE(refreshed->topology_changed);
+  ASSERT_EQ(refreshed->nodes, second->nodes);
+  ASSERT_EQ(refreshed->samples, second->samples);
+  for (int n = 0; n < refreshed->nodes; ++n) EXPECT_EQ(refreshed->x_now[n], second->x_now[n]);
+
+  // Newton's method: what is left to change is little.
+  const auto force = [&](const CondensedProblem& problem) {
+    ContactState state;
+    const auto scratch = std::make_unique<ContactScratch>();
+    ContactOptions options;
+    options.linearisations = 8;
+    options.margin = contact_margin * 3e-3;
+    return Vec3(
+        solve_contact(problem, w->instrument(), moved.pose, h, options, state, *scratch).wrench.head<3>());
+  };
+  const Vec3 once = force(*refreshed);
+  const double change = (once - force(*second)).norm();
+  EXPECT_GT(change, 1e-3 * once.norm());
+  ASSERT_TRUE(w->refresh(moved, *refreshed));
+  EXPECT_LT((force(*refreshed) - once).norm(), 0.2 * change);
 }
 
 }  // namespace
