@@ -12,6 +12,7 @@ namespace {
 constexpr double same_period = 0.05;      // of it
 constexpr int body_shift = 56;            // of a sample's id (patch.cpp)
 constexpr double quantum_energy = 10e-6;  // that one reading may be worth [J]
+constexpr double quantum_force = 8;       // … beyond which the lag does not help [N]
 constexpr double quantum_lag = 0.15e-3;   // [s]
 
 // β of each node, from the body in the ids of the samples on it. False if all are zero.
@@ -64,7 +65,8 @@ void set_period(double period, ViscousPatch& patch) noexcept {
 }  // namespace
 
 double lag_for(double quantum, double stiffness, double relaxation, double period) noexcept {
-  return relaxation / period * stiffness * quantum * quantum > quantum_energy ? quantum_lag : 0;
+  const double force = relaxation / period * stiffness * quantum;
+  return force * quantum > quantum_energy && force < quantum_force ? quantum_lag : 0;
 }
 
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,

@@ -30,7 +30,8 @@ struct ViscousOptions {
 
 // The lag of a device whose encoders know positions to `quantum` [m] and that displays the coupling as
 // `stiffness` [N/m]: one quantum read makes β K Δ/T newtons for a tick, so β K Δ²/T of energy that is
-// nobody's work. 0 where that is too little to be felt.
+// nobody's work. 0 where that is too little to be felt, and where a quantum makes more force than such
+// devices have: energy is then made with a lag as without, and the lag only costs steadiness.
 double lag_for(double quantum, double stiffness, double relaxation, double period) noexcept;
 
 struct ViscousPatch {

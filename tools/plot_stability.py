@@ -19,84 +19,123 @@ th:first-child, td:first-child { text-align: left; } .bad { color: #b00020; font
 """
 
 
-WAYS = (("default", ACCENT, "o", "the daemon"), ("controlled", "#2b7a78", "D", "… with its passivity controller"),
-        ("wall", INK, "s", "ideal 1 kHz wall"), ("wall_alike", "#8a6fb0", "v", "the wall as viscous as the tissue"),
-        ("held", GREY, "^", "force held for 20 ms"))
+# Least first, so that the daemon is drawn over what it coincides with.
+WAYS = (("held", GREY, "^", 5, "force held for 20 ms"), ("wall", INK, "s", 7, "ideal 1 kHz wall, the best of its dampings"),
+        ("wall_alike", "#8a6fb0", "v", 7, "the wall as viscous as the tissue"),
+        ("controlled", "#2b7a78", "D", 8, "the daemon with its passivity controller"), ("default", ACCENT, "o", 4, "the daemon"))
+JUDGED = (("", "no swing at rest"), ("passive_", "no swing, and no energy made"))
 
 
-def limit_curves(axes, x, points, lines):
-    """Filled: no swing at rest. Hollow: no energy made either."""
-    for k, (who, colour, marker, label) in enumerate(WAYS):
-        if not any(f"{who}_n_m" in p for p in points):
-            continue
-        # Nothing sound in the whole range: no point.
-        steady, passive = ([p.get(f"{who}_{kind}n_m") or float("nan") for p in points] for kind in ("", "passive_"))
-        at = x if lines else [v + 0.09 * (k - 2) for v in x]
-        axes.plot(at, steady, marker + ("-" if lines else ""), color=colour, label=f"{label}: no swing")
-        axes.plot(at, passive, marker + (":" if lines else ""), color=colour, mfc="white", label="… and no energy made")
+def limit_panels(points, x, lines):
+    """One panel for each judgement; returns the figure and its axes. The dotted line is what is asked."""
+    figure, panels = plt.subplots(1, 2, figsize=(11, 4), sharey=True)
+    for axes, (kind, title) in zip(panels, JUDGED):
+        for k, (who, colour, marker, size, label) in enumerate(WAYS):
+            if not any(f"{who}_n_m" in p for p in points):
+                continue
+            # Nothing sound in the whole range: no point.
+            limit = [p.get(f"{who}_{kind}n_m") or float("nan") for p in points]
+            at = x if lines else [v + 0.12 * (k - 2) for v in x]
+            axes.plot(at, limit, marker + ("-" if lines else ""), color=colour, ms=size, lw=1.4, label=label,
+                      mfc="none" if who == "controlled" else colour)
+        asked = [0.8 * p[f"wall_{kind}n_m"] for p in points]
+        if lines:
+            axes.plot(x, asked, ":", color=INK, lw=1, label="four fifths of the best wall")
+            axes.plot(x, [p["colgate_n_m"] for p in points], "--", color=GREY, lw=1.2,
+                      label="Colgate: 2 b / T, no damping rendered")
+        else:
+            for v, limit in zip(x, asked):
+                axes.plot([v - 0.35, v + 0.35], [limit, limit], ":", color=INK, lw=1.2,
+                          label="four fifths of the best wall" if v == x[0] else None)
+            axes.axhline(points[0]["colgate_n_m"], color=GREY, ls="--", lw=1.2, label="Colgate: 2 b / T")
+        axes.set(yscale="log")
+        axes.set_title(title, fontsize=10)
+    panels[0].set_ylabel("largest displayed stiffness [N/m]")
+    return figure, panels
+
+
+def save_panels(figure, panels, path):
+    figure.tight_layout()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.01), ncols=3, fontsize=9)
+    figure.savefig(path, bbox_inches="tight")
+    plt.close(figure)
 
 
 def draw_map(points, path):
     b = [p["device_damping_ns_m"] for p in points]
-    figure, axes = plt.subplots(figsize=(7, 4.4))
-    limit_curves(axes, b, points, True)
-    axes.plot(b, [p["colgate_n_m"] for p in points], "--", color=GREY, label="Colgate: 2 b / T, no damping rendered")
-    axes.set(xscale="log", yscale="log", xlabel="damping of the device [N·s/m]",
-             ylabel="largest displayed stiffness [N/m]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, bbox_inches="tight")
-    plt.close(figure)
+    figure, panels = limit_panels(points, b, True)
+    for axes in panels:
+        axes.set(xscale="log", xlabel="damping of the device [N·s/m]")
+    save_panels(figure, panels, path)
 
 
 def draw_grasps(points, path):
-    figure, axes = plt.subplots(figsize=(7, 4.2))
-    limit_curves(axes, range(len(points)), points, False)
-    axes.set(yscale="log", ylabel="largest displayed stiffness [N/m]", xlim=(-0.5, len(points) - 0.5))
-    axes.axhline(points[0]["colgate_n_m"], color=GREY, ls="--", lw=1, label="Colgate: 2 b / T")
-    axes.set_xticks(range(len(points)), [
-        f"{p['hand']}\n{1e3 * p['mass_kg']:g} g\n{p['damping_ns_m']:g} N·s/m\n{p['stiffness_n_m']:g} N/m" for p in points
-    ], fontsize=8)
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, bbox_inches="tight")
-    plt.close(figure)
+    figure, panels = limit_panels(points, list(range(len(points))), False)
+    for axes in panels:
+        axes.set_xlim(-0.5, len(points) - 0.5)
+        axes.set_xticks(range(len(points)), [
+            f"{p['hand']}\n{1e3 * p['mass_kg']:g} g\n{p['damping_ns_m']:g} N·s/m\n{p['stiffness_n_m']:g} N/m" for p in points
+        ], fontsize=8)
+    save_panels(figure, panels, path)
+
+
+def draw_limits(axes, mode):
+    """What was judged over the value that was made worse; what lies below the axis sits on it, hollow."""
+    judged = {who: [(p["value"], p[who]["judged"]) for p in mode["points"] if who in p] for who in ("naive", "default")}
+    numbers = [j for points in judged.values() for _, j in points if j is not None] + [mode["limit"]]
+    # No number came out: above everything.
+    highest = 10 * max(numbers)
+    bottom = max(0.3 * min(n for n in numbers if n > 0), 1e-3 * mode["limit"])
+    for who, colour, size in (("naive", GREY, 7), ("default", ACCENT, 4)):
+        x = [value for value, _ in judged[who]]
+        y = [max(highest if j is None else j, bottom) for _, j in judged[who]]
+        axes.plot(x, y, "-", color=colour, clip_on=False)
+        for fill, shown in ((colour, [v > bottom for v in y]), ("white", [v <= bottom for v in y])):
+            axes.plot([v for v, s in zip(x, shown) if s], [v for v, s in zip(y, shown) if s], "o", color=colour, ms=size,
+                      mfc=fill, clip_on=False, zorder=3)
+    axes.axhline(mode["limit"], color=INK, lw=1, ls=":")
+    axes.axvline(mode["required"], color=INK, lw=1, ls="--")
+    axes.text(mode["required"], 1.01, "required", transform=axes.get_xaxis_transform(), ha="center", fontsize=8)
+    if mode["analytic_bound"] and mode["swept"][0] < mode["analytic_bound"] < mode["swept"][1]:
+        axes.axvline(mode["analytic_bound"], color=INK, lw=1, ls="-.")
+        axes.text(mode["analytic_bound"], 1.07, "bound", transform=axes.get_xaxis_transform(), ha="center", fontsize=8)
+    narrow = mode["swept"][1] < 8 * mode["swept"][0]
+    axes.set(xscale="linear" if narrow else "log", yscale="log",
+             xlabel="\n".join(textwrap.wrap(mode["parameter"].split(",")[0], 42)),
+             ylabel="\n".join(textwrap.wrap(mode["judged"], 36)), ylim=(bottom, None))
+    if not narrow and mode["swept"][1] < 100 * mode["swept"][0]:  # powers of ten alone would be one or two ticks
+        ticks, apart = [], (mode["swept"][1] / mode["swept"][0]) ** (1 / 7)
+        for value in sorted(p["value"] for p in mode["points"]):
+            if not ticks or value > apart * ticks[-1]:
+                ticks.append(value)
+        axes.set_xticks(ticks, [f"{v:.3g}" for v in ticks])
+        axes.tick_params(axis="x", which="minor", labelbottom=False)
+
+
+def draw_traces(axes, mode):
+    trace = mode["trace"]
+    logarithmic = trace["y"].startswith(("error", "residual"))
+    for who, colour, label in (("naive", GREY, "naive"), ("default", ACCENT, "daemon")):
+        few = len(trace[who]["x"]) < 40
+        y = [max(v, 1e-16) for v in trace[who]["y"]] if logarithmic else trace[who]["y"]
+        axes.plot(trace[who]["x"], y, "o-" if few else "-", ms=3, color=colour, lw=1, label=label)
+    axes.set(xlabel=trace["x"], ylabel=trace["y"])
+    if logarithmic:
+        axes.set(yscale="log")
+    else:
+        every = trace["naive"]["y"] + trace["default"]["y"]
+        limit = 3 * max(map(abs, trace["default"]["y"]), default=0) or 1
+        reach = max(map(abs, every))
+        axes.set(ylim=(-min(limit, 1.1 * reach) if min(every) < 0 else -0.05 * min(limit, reach), min(limit, 1.1 * reach)))
+    axes.set_title(f"at {mode['trace_value']:.4g}", fontsize=9, loc="left")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=2, fontsize=9)
 
 
 def draw_mode(mode, path):
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.6), gridspec_kw={"width_ratios": [1, 1.5]})
-    floor = max(mode["limit"] * 1e-6, 1e-12)
-    highest = max([p[who]["judged"] or 0 for p in mode["points"] for who in ("naive", "default") if who in p] + [mode["limit"]])
-    shown = []
-    for who, colour in (("naive", GREY), ("default", ACCENT)):
-        points = [p for p in mode["points"] if who in p]
-        # No number came out: above everything.
-        judged = [10 * highest if p[who]["judged"] is None else p[who]["judged"] for p in points]
-        shown += judged
-        left.plot([p["value"] for p in points], [max(j, floor) for j in judged], "o-", color=colour, ms=4)
-    left.axhline(mode["limit"], color=INK, lw=1, ls=":")
-    left.axvline(mode["required"], color=INK, lw=1, ls="--")
-    left.text(mode["required"], 1.01, "required", transform=left.get_xaxis_transform(), ha="center", fontsize=8)
-    if mode["analytic_bound"] and mode["swept"][0] < mode["analytic_bound"] < mode["swept"][1]:
-        left.axvline(mode["analytic_bound"], color=INK, lw=1, ls="-.")
-        left.text(mode["analytic_bound"], 1.07, "bound", transform=left.get_xaxis_transform(), ha="center", fontsize=8)
-    least = min([j for j in shown if j > 0] + [mode["limit"]])
-    narrow = mode["swept"][1] < 8 * mode["swept"][0]
-    left.set(xscale="linear" if narrow else "log", yscale="log", xlabel="\n".join(textwrap.wrap(mode["parameter"].split(",")[0], 42)),
-             ylabel="\n".join(textwrap.wrap(mode["judged"], 36)), ylim=(max(0.3 * least, 1e-3 * mode["limit"]), None))
-    trace = mode["trace"]
-    for who, colour, label in (("naive", GREY, "naive"), ("default", ACCENT, "daemon")):
-        few = len(trace[who]["x"]) < 40
-        right.plot(trace[who]["x"], trace[who]["y"], "o-" if few else "-", ms=3, color=colour, lw=1, label=label)
-    ours = [abs(f) for f in trace["default"]["y"]] or [0]
-    right.set(xlabel=trace["x"], ylabel=trace["y"])
-    if trace["y"].startswith(("error", "residual")):
-        right.set(yscale="log")
-    else:
-        limit = 3 * max(ours) or 1
-        pulls = min(trace["naive"]["y"] + trace["default"]["y"]) < 0
-        reach = max(map(abs, trace["naive"]["y"] + trace["default"]["y"]))
-        right.set(ylim=(-min(limit, 1.1 * reach) if pulls else -0.05 * min(limit, reach), min(limit, 1.1 * reach)))
-    right.set_title(f"at {mode['trace_value']:g}", fontsize=9)
-    right.legend(loc="best", ncols=2)
+    draw_limits(left, mode)
+    draw_traces(right, mode)
     figure.tight_layout()
     figure.savefig(path)
     plt.close(figure)

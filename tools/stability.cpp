@@ -1,8 +1,12 @@
 #include "tools/stability.h"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
+#include <future>
 #include <iterator>
+#include <thread>
 #include <utility>
 
 #include "haptic/device.h"
@@ -131,21 +135,57 @@ std::vector<std::string> stability_mode_names() {
 
 StabilityChart chart_stability(const Scene& cube, const StabilitySettings& settings,
                                const std::function<bool(double, const std::string&)>& progress) {
-  StabilityBench bench(cube);
-  StabilityChart chart;
-  const auto wanted = [&](const Entry& e) {
-    return settings.only.empty() ||
-           std::find(settings.only.begin(), settings.only.end(), e.name) != settings.only.end();
-  };
-  double whole = 0, done = 0;
-  for (const Entry& e : entries) whole += wanted(e) ? e.effort : 0;
+  std::vector<const Entry*> wanted;
+  double whole = 0;
   for (const Entry& e : entries) {
-    if (!wanted(e)) continue;
-    const auto within = [&](double fraction) {
-      return progress((done + e.effort * fraction) / whole, e.name);
-    };
-    if (!e.run(e.name, bench, settings, chart, within)) break;
-    done += e.effort;
+    if (!settings.only.empty() &&
+        std::find(settings.only.begin(), settings.only.end(), e.name) == settings.only.end())
+      continue;
+    wanted.push_back(&e);
+    whole += e.effort;
+  }
+  std::vector<StabilityChart> parts(wanted.size());
+  std::vector<std::atomic<double>> done(wanted.size());
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> on{true};
+  // Modes know nothing of one another: a thread for each core, charts joined in the table's order.
+  const auto work = [&] {
+    StabilityBench bench(cube);
+    for (std::size_t k; on && (k = next++) < wanted.size();) {
+      const auto within = [&](double fraction) {
+        done[k] = fraction;
+        return on.load();
+      };
+      try {
+        wanted[k]->run(wanted[k]->name, bench, settings, parts[k], within);
+      } catch (...) {
+        on = false;
+        throw;
+      }
+      done[k] = 1;
+    }
+  };
+  std::vector<std::future<void>> threads;
+  const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
+  for (std::size_t k = 0; k < std::min(cores, wanted.size()); ++k)
+    threads.push_back(std::async(std::launch::async, work));
+  for (std::future<void>& thread : threads)
+    while (thread.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
+      double sum = 0;
+      for (std::size_t k = 0; k < wanted.size(); ++k) sum += wanted[k]->effort * done[k];
+      const std::size_t newest = std::min<std::size_t>(next, wanted.size());
+      if (!progress(sum / whole, newest > 0 ? wanted[newest - 1]->name : "")) on = false;
+    }
+  for (std::future<void>& thread : threads) thread.get();
+  StabilityChart chart;
+  const auto join = [](auto& all, auto& part) {
+    std::move(part.begin(), part.end(), std::back_inserter(all));
+  };
+  for (StabilityChart& part : parts) {
+    join(chart.map, part.map);
+    join(chart.grasps, part.grasps);
+    join(chart.modes, part.modes);
+    join(chart.random, part.random);
   }
   return chart;
 }

@@ -71,7 +71,7 @@ struct StabilitySettings {
 
 std::vector<std::string> stability_mode_names();
 
-// `progress(fraction, what)` returns false to stop.
+// One thread for each core. `progress(fraction, what)`, called by the caller's, returns false to stop.
 StabilityChart chart_stability(const Scene& cube, const StabilitySettings& settings,
                                const std::function<bool(double, const std::string&)>& progress);
 

@@ -7,6 +7,7 @@
 #include "server/paths.h"
 #include "server/scene_reader.h"
 #include "tools/chart.h"
+#include "tools/client.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/progress.h"
@@ -49,7 +50,7 @@ nlohmann::ordered_json to_json(const std::vector<std::pair<double, double>>& tra
   nlohmann::ordered_json j = {{"x", nlohmann::ordered_json::array()}, {"y", nlohmann::ordered_json::array()}};
   for (const auto& [x, y] : trace) {
     j["x"].push_back(rounded(x, 4));
-    j["y"].push_back(rounded(y, 9));
+    j["y"].push_back(std::abs(y) < 1e-6 ? y : rounded(y, 9));  // errors may be far below
   }
   return j;
 }
@@ -109,6 +110,14 @@ nlohmann::ordered_json to_json(const StiffnessPoint& p) {
   put("wall_alike", p.alike);
   if (p.controlled.steady > 0) put("controlled", p.controlled);
   j["colgate_n_m"] = rounded(p.colgate, 1);
+  const auto over = [&](const char* name, const Largest& other) {
+    if (other.steady > 0) j[std::string("over_") + name] = rounded(p.ours.steady / other.steady, 3);
+    if (other.passive > 0)
+      j[std::string("over_") + name + "_passive"] = rounded(p.ours.passive / other.passive, 3);
+  };
+  over("wall", p.wall);
+  over("wall_alike", p.alike);
+  over("held", p.held);
   return j;
 }
 
@@ -140,7 +149,10 @@ nlohmann::ordered_json to_json(const DdsPress& p) {
           {"made_uj", rounded(1e6 * p.made, 3)},
           {"offline_swing_um", rounded(1e6 * p.offline_swing, 2)},
           {"offline_made_uj", rounded(1e6 * p.offline_made, 3)},
-          {"round_trip_p99_us", rounded(p.round_trip_p99_us, 1)}};
+          {"round_trip_p99_us", rounded(p.round_trip_p99_us, 1)},
+          {"round_trip_max_us", rounded(p.round_trip_max_us, 1)},
+          {"unanswered_share", rounded(p.unanswered, 5)},
+          {"status_seen_text", status_text(p.status)}};
 }
 
 nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
@@ -205,9 +217,10 @@ int stability(const Options& options) {
   if (interrupted()) return 1;
   const bool all = print(chart);
   for (const DdsPress& p : presses)
-    std::printf("over DDS: %8.0f N/m displayed  swing %6.1f µm (offline %6.1f)  made %8.2f µJ (%8.2f)%s\n",
-                p.displayed, 1e6 * p.swing, 1e6 * p.offline_swing, 1e6 * p.made, 1e6 * p.offline_made,
-                p.ran ? "" : "  DID NOT RUN");
+    std::printf(
+        "over DDS: %8.0f N/m displayed  swing %6.1f µm (offline %6.1f)  made %8.2f µJ (%8.2f)  %s%s\n",
+        p.displayed, 1e6 * p.swing, 1e6 * p.offline_swing, 1e6 * p.made, 1e6 * p.offline_made,
+        p.status ? status_text(p.status).c_str() : "", p.ran ? "" : "  DID NOT RUN");
   nlohmann::ordered_json json = to_json(chart, options.settings.quick);
   for (const DdsPress& p : presses) json["dds"].push_back(to_json(p));
   if (!options.json.empty()) write_json(options.json, json);

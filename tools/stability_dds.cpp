@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "haptic/device.h"
 #include "server/paths.h"
 #include "server/scene_reader.h"
 #include "tools/child.h"
@@ -79,7 +80,12 @@ void press(const std::filesystem::path& folder, const ClosedLoopSettings& s, Dds
   p.ran = j.contains("swing_at_rest_m");
   p.swing = j.value("swing_at_rest_m", 0.0);
   p.made = -j.value("energy_absorbed_min_j", 0.0);
-  if (j.contains("rtt_us")) p.round_trip_p99_us = j["rtt_us"].value("p99", 0.0);
+  if (j.contains("rtt_us")) {
+    p.round_trip_p99_us = j["rtt_us"].value("p99", 0.0);
+    p.round_trip_max_us = j["rtt_us"].value("max", 0.0);
+  }
+  p.unanswered = 1 - j.value("answered_share", 0.0);
+  p.status = j.value("status_seen", 0u) & ~std::uint32_t{status_disarmed | status_ramping_up};
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 // Errors: std::runtime_error when a daemon does not start.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -19,7 +20,9 @@ struct DdsPress {
   double swing = 0;      // over DDS [m]
   double made = 0;       // over DDS: −least of −∫ F·v dt [J]
   double offline_swing = 0, offline_made = 0;
-  double round_trip_p99_us = 0;
+  double round_trip_p99_us = 0, round_trip_max_us = 0;
+  double unanswered = 0;     // share of the slots
+  std::uint32_t status = 0;  // bits after arming: a press that was interrupted swings for that alone
 };
 
 std::vector<DdsPress> press_over_dds(bool quick, const std::function<bool(double)>& progress);

@@ -123,6 +123,7 @@ TEST(ViscousPatch, LagsOnlyWhereAReadingIsWorthMuch) {
   EXPECT_EQ(lag_for(55e-6, 400, beta, T), 0);
   EXPECT_EQ(lag_for(20e-6, 10e3, beta, T), 0);
   EXPECT_GT(lag_for(20e-6, 40e3, beta, T), 0);
+  EXPECT_EQ(lag_for(20e-6, 400e3, beta, T), 0);  // 16 N a reading
   EXPECT_EQ(lag_for(0, 1e6, beta, T), 0);
   EXPECT_EQ(lag_for(1e-3, 1e6, 0, T), 0);
 }
