@@ -49,7 +49,7 @@ struct VirtualCoupling {
 };
 
 struct CondensedProblem {
-  std::uint64_t step = 0;          // number of the publication, one or two a simulation step; 0: none yet
+  std::uint64_t step = 0;          // number of the publication, one to four a simulation step; 0: none yet
   std::int64_t published_ns = 0;   // CLOCK_MONOTONIC at publication, set by the publisher
   Pose X_ref;                      // instrument pose the patch was gathered (and rows frozen) at
   Renewal renewal = Renewal::renewed;

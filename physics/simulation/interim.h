@@ -12,7 +12,8 @@
 // for their own row of A − E is zero; they are on no face. The same to rounding as condensing afresh without
 // the elements at the same linearisation, of an exact compliance; a stale one's C' is as stale as its C.
 // Units: m, N, m/N. Shapes: C is 3·nodes square, Δx_free 3·nodes entries, in the order of the nodes given.
-// Errors: by the answer. Source: the paper, eq. (3); departure: M is never inverted. Turned: R goes, R' comes.
+// Errors: by the answer. Source: the paper, eq. (3); departure: M is never inverted. Turned: R goes, R'
+// comes.
 #pragma once
 
 #include "physics/simulation/turned.h"
