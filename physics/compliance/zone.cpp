@@ -161,15 +161,16 @@ class ZoneCompliance final : public Compliance {
 
   void apply_in_zone(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) override {
     require_update();
-    corner_.setZero(corner_size());
+    auto corner = x_.tail(corner_size());
+    corner.setZero();
     for (const int n : base_->zone())
       if (in_system_[n])
-        corner_.segment<3>(3 * base_->zone_place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
-    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner_);
-    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner_);
+        x_.segment<3>(3 * base_->place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
+    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
+    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
     y.setZero();
     for (const int n : base_->zone())
-      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * corner_.segment<3>(3 * base_->zone_place(n));
+      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * base_->place(n));
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
