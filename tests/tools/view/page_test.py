@@ -58,9 +58,10 @@ def live(browser):
     daemon = start('hapticd', scene, '--domain', domain)
     _, url = view('--domain', domain)
     browser.open(url)
-    before = wait_for(lambda: (f := browser.figures()).get('triangles') and f['daemon'] and f, 20, 'the scene')
+    wait_for(lambda: (f := browser.figures()).get('triangles') and f['daemon'], 20, 'the scene')
     wait_for(lambda: browser.ask("document.getElementById('banner').hidden"), 5, 'no banner')
     time.sleep(1)
+    before = browser.figures()  # by now of every body
     cut_before = vermilion(browser)
     picture(browser, 'before')
 
