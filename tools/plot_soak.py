@@ -50,7 +50,9 @@ def draw_minutes(axis, figures):
             axis.plot(x, y, style, marker=".", color=colour, label=f"{name} {percentile.replace('_', '.')}")
     axis.set(xlabel="minute", ylabel="µs", yscale="log")
     axis.grid(alpha=0.3)
-    axis.legend(fontsize=6, ncol=4)
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, 4 * high)  # room for the names
+    axis.legend(fontsize=6, ncol=4, loc="upper center")
     memory = axis.twinx()
     memory.plot(x, [m["rss_mb"] for m in minutes], color="0.4", linewidth=0.8)
     highest = max(m["rss_mb"] for m in minutes)

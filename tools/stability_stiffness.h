@@ -3,7 +3,7 @@
 // Four ways to render the same press: an ideal 1 kHz wall (the best it does with stiffness-proportional
 // damping of 0 to 5 ms), the daemon, the daemon with its passivity controller, force held for a simulation
 // step. Each is raised by a factor until it swings at rest, and until renderer and device make energy, from
-// any of four starts: what is kept is the last stiffness, as displayed, before the first that does. Units:
+// any of sixteen starts: what is kept is the last stiffness, as displayed, before the first that does. Units:
 // SI.
 #pragma once
 
