@@ -5,8 +5,10 @@
 // pedal is down, at no more than `rate` per second, nearest to the tip first. The stroke matters:
 // contact keeps tissue out of the tip at rest, and it is the vibrating tip that destroys it. A fragment that
 // holds no fixed node and has at most `aspiration_max_tets` is sucked out whole when any of its nodes is
-// within `aspiration_reach` of the tip's surface while aspiration is on. Units: m, 1/s. Source: the paper §3
-// ("consecutively removing tetrahedra intersected by the tip").
+// within `aspiration_reach` of the tip's surface while aspiration is on. What the tip leaves of a few
+// tetrahedra hanging by an edge or a node goes with what held it (fragments.h), at no cost to the rate.
+// Units: m, 1/s. Source: the paper §3 ("consecutively removing tetrahedra intersected by the tip");
+// departure: the crumbs.
 #pragma once
 
 #include <span>
@@ -23,6 +25,8 @@ struct RemovalSettings {
   double aspiration_reach = 0;  // [m]
   int aspiration_max_tets = 0;  // a larger fragment does not pass the lumen
 };
+
+inline constexpr int crumb_tets = 8;  // what hangs and is larger is kept
 
 // True if the tetrahedron with these corners and the primitive at instrument pose X, grown by
 // `stroke`, share a point.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "physics/contact/placed_instrument.h"
+#include "physics/tissue/fragments.h"
 
 namespace hapticd {
 namespace {
@@ -132,6 +133,7 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
       tets.resize(std::min(tets.size(), static_cast<std::size_t>(removal_budget_)));
       removal_budget_ -= static_cast<double>(tets.size());
       gone += take_from(static_cast<int>(b), tets);
+      gone += take_from(static_cast<int>(b), hanging_crumbs(body.model, body.state, tets, crumb_tets));
     }
     if (sample.present && sample.aspiration && settings_.removal.aspiration_max_tets > 0 &&
         body.state.removed > 0) {

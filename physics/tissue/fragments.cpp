@@ -30,6 +30,35 @@ std::vector<int> numbered(const TissueState& state, std::vector<int>& parent, co
   return label;
 }
 
+// Live tetrahedra that faces join to `first`, in the order in which they are met; one more than `most` where
+// there are more.
+std::vector<int> joined_to(const TissueModel& model, const TissueState& state, int first, int most) {
+  std::vector<int> joined = {first};
+  for (std::size_t k = 0; k < joined.size(); ++k)
+    for (int id = 4 * joined[k]; id < 4 * joined[k] + 4; ++id) {
+      const int neighbour = model.across[id] / 4;
+      if (model.across[id] < 0 || !state.alive[neighbour] ||
+          std::find(joined.begin(), joined.end(), neighbour) != joined.end())
+        continue;
+      joined.push_back(neighbour);
+      if (static_cast<int>(joined.size()) > most) return joined;
+    }
+  return joined;
+}
+
+// Of a whole fragment: a node of it is another's too, and none is fixed.
+bool hangs(const TissueModel& model, const TissueState& state, std::span<const int> fragment) {
+  std::vector<int> corners;
+  for (const int t : fragment)
+    corners.insert(corners.end(), model.mesh.tets[t].begin(), model.mesh.tets[t].end());
+  const auto is_fixed = [&](int n) { return model.fixed[n] != 0; };
+  const auto is_shared = [&](int n) {
+    return std::count(corners.begin(), corners.end(), n) < state.live_tets_of_node[n];
+  };
+  return std::none_of(corners.begin(), corners.end(), is_fixed) &&
+         std::any_of(corners.begin(), corners.end(), is_shared);
+}
+
 }  // namespace
 
 std::vector<int> label_fragments(const TissueModel& model, const TissueState& state) {
@@ -70,6 +99,22 @@ std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState
     fragment.held |= std::any_of(tet.begin(), tet.end(), [&](int n) { return model.fixed[n] != 0; });
   }
   return fragments;
+}
+
+std::vector<int> hanging_crumbs(const TissueModel& model, const TissueState& state, std::span<const int> gone,
+                                int most) {
+  std::vector<int> crumbs;
+  for (const int t : gone)
+    for (int id = 4 * t; id < 4 * t + 4; ++id) {
+      const int neighbour = model.across[id] / 4;
+      if (model.across[id] < 0 || !state.alive[neighbour] ||
+          std::find(crumbs.begin(), crumbs.end(), neighbour) != crumbs.end())
+        continue;
+      const std::vector<int> fragment = joined_to(model, state, neighbour, most);
+      if (static_cast<int>(fragment.size()) <= most && hangs(model, state, fragment))
+        crumbs.insert(crumbs.end(), fragment.begin(), fragment.end());
+    }
+  return crumbs;
 }
 
 }  // namespace hapticd

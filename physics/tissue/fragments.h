@@ -7,6 +7,7 @@
 // Units: volume at rest [m³]. Cost: one pass of union–find over the tetrahedra.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "physics/tissue/tissue.h"
@@ -25,5 +26,12 @@ std::vector<int> label_pieces(const TissueModel& model, const TissueState& state
 
 // The fragments themselves, indexed by their labels.
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state);
+
+// Tetrahedra of the fragments of at most `most` that share a face with a removed one of `gone`, hold no fixed
+// node and hang on what is left by an edge or a node. Nothing but inertia resists their turning about it, and
+// a step with rotations held takes what turns far out of its shape: left alone such a crumb spins faster and
+// faster (README). Cost: `most` tetrahedra for each of gone.
+std::vector<int> hanging_crumbs(const TissueModel& model, const TissueState& state, std::span<const int> gone,
+                                int most);
 
 }  // namespace hapticd

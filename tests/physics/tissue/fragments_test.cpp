@@ -51,7 +51,8 @@ TEST(Fragments, RemovingTheMiddleLayerMakesTwo) {
 
 // Two tetrahedra with one node in common, then an edge, then a face.
 TEST(Fragments, AFaceJoinsFragmentsANodeJoinsPieces) {
-  const std::vector<Vec3> nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
+  const std::vector<Vec3> nodes = {{0, 0, 0},  {1, 0, 0},  {0, 1, 0}, {0, 0, 1},
+                                   {-1, 0, 0}, {0, -1, 0}, {0, 0, -1}};
   const auto joined = [&](const Tet& other, std::size_t fragments) {
     TetMesh mesh;
     mesh.nodes = nodes;
@@ -65,6 +66,25 @@ TEST(Fragments, AFaceJoinsFragmentsANodeJoinsPieces) {
   joined({0, 4, 6, 5}, 2);
   joined({0, 1, 5, 6}, 2);
   joined({0, 1, 6, 2}, 1);
+}
+
+// Three tetrahedra in a row, joined by faces, the first held: without the middle one the last hangs by the
+// edge that all three share. It does not if it shares nothing, nor if it is fixed itself.
+TEST(Fragments, WhatHangsByAnEdgeIsACrumb) {
+  TetMesh mesh;
+  mesh.nodes = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
+  mesh.tets = {{0, 2, 3, 1}, {0, 3, 4, 1}, {0, 4, 5, 1}};
+  const auto crumbs = [&](std::vector<int> fixed, std::vector<int> gone, int most) {
+    const TissueModel model = make_tissue_model(mesh, soft, fixed, Vec3::Zero());
+    TissueState state = rest_state(model);
+    remove_tets(model, state, gone);
+    return hanging_crumbs(model, state, gone, most);
+  };
+  EXPECT_EQ(crumbs({2}, {1}, 8), std::vector<int>{2});
+  EXPECT_TRUE(crumbs({2}, {1}, 0).empty());     // larger than what may go
+  EXPECT_TRUE(crumbs({2, 5}, {1}, 8).empty());  // held
+  EXPECT_TRUE(crumbs({2}, {2}, 8).empty());     // what is left is joined by a face
+  EXPECT_TRUE(crumbs({2}, {0, 1}, 8).empty());  // free: it hangs on nothing
 }
 
 TEST(Fragments, NothingLeftIsNoFragment) {
