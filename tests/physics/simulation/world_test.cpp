@@ -116,6 +116,28 @@ TEST(World, PedalRemovesAtTheRateOfTheScene) {
   EXPECT_EQ(world.removed(), before);
 }
 
+// Three tetrahedra in a row around an edge: the tip is in the middle one, and takes one a step. The last then
+// hangs by the edge, unless it is held.
+TEST(World, WhatTheTipLeavesHangingGoesAtOnce) {
+  const auto alive_after = [](std::vector<int> fixed) {
+    BodySettings row{"row", true, {}, {5000, 0.4, 1000, 5, 0.002}, std::move(fixed), 0, true};
+    for (const Vec3& x :
+         {Vec3(0, 0, 0), Vec3(0, 0, 1), Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(-1, 0, 0), Vec3(0, -1, 0)})
+      row.mesh.nodes.push_back(1e-2 * x);
+    row.mesh.tets = {{0, 2, 3, 1}, {0, 3, 4, 1}, {0, 4, 5, 1}};
+    World world({row}, sphere_tip(5e-4), settings(0.02));
+    auto problem = std::make_unique<CondensedProblem>();
+    InstrumentSample sample = at(-2.5e-3, 2.5e-3, 2.5e-3, true);
+    sample.aspiration = false;
+    const StepReport report = world.step([&] { return sample; }, *problem);
+    const std::vector<std::uint8_t> alive = world.bodies()[0].state.alive;
+    EXPECT_EQ(report.removed, std::count(alive.begin(), alive.end(), 0));
+    return alive;
+  };
+  EXPECT_EQ(alive_after({2}), (std::vector<std::uint8_t>{1, 0, 0}));
+  EXPECT_EQ(alive_after({2, 5}), (std::vector<std::uint8_t>{1, 0, 1}));
+}
+
 // What goes is where the tip will be in 2 ms, by its speed: after the same way in fifteen times the time it
 // is where it is after a fifteenth of it in a step.
 TEST(World, ATipSeenSeldomIsNotTakenForAFastOne) {
