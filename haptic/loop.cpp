@@ -20,6 +20,11 @@ constexpr auto relaxed = std::memory_order_relaxed;
 // A longer stall than this many slots is recorded only this often: the tick stays bounded.
 constexpr std::int64_t max_recorded_misses = 10'000;
 
+// A state is waited for only from a client that has sent one for each of this many ticks in a row: one at
+// another rate would have every tick without a state late.
+constexpr int steady_ticks = 8;
+constexpr std::int64_t look_again_ns = 50'000;
+
 // The loop's thread is the only writer, so load and store suffice.
 template <typename T>
 void add(std::atomic<T>& a, T n) noexcept {
@@ -125,7 +130,6 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   last_woken_ns_ = woken;
 
   HapticInput input;
-  input.now_ns = woken;
   if (timing_.mode == LoopMode::event)
     input.period_ns = std::clamp(interval, std::int64_t{1}, options_.watchdog.period_ns);
   if (tunings_ && tunings_->acquire()) start_ramp(ramp_, tunings_->front());
@@ -133,9 +137,8 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   advance(ramp_, device_, 1e-9 * static_cast<double>(period));
   {
     const Mark theirs(Region::transport);
-    input.taken = port_.take(woken, input.sample);
+    take(intended, input);
   }
-  input.presence = port_.presence();
   problems_.acquire();
   const CondensedProblem* problem = problems_.front().step > 0 ? &problems_.front() : nullptr;
 
@@ -157,7 +160,7 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   const std::int64_t written = monotonic_ns();
 
   const WatchdogState& watchdog = state_->watchdog;
-  const InstrumentInput instrument = instrument_input(device_, options_.watchdog, watchdog, woken);
+  const InstrumentInput instrument = instrument_input(device_, options_.watchdog, watchdog, input.now_ns);
   instrument_inputs_.back() = instrument;
   instrument_inputs_.publish();
   history_.push({intended, force, watchdog.sample.pose, instrument});
@@ -168,6 +171,24 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   if (interval > 0) statistics_.interval.record(interval);
   count(force);
   count_page_faults(force);
+}
+
+// The newest state; in mode `tick` of a client that has been punctual so far, one that comes a little late
+// too.
+void HapticLoop::take(std::int64_t intended, HapticInput& input) noexcept {
+  const bool waits = timing_.mode == LoopMode::tick && answered_in_a_row_ >= steady_ticks;
+  const std::int64_t until = intended + timing_.late_state_ns - look_again_ns;
+  for (bool first = true;; first = false) {
+    input.now_ns = monotonic_ns();
+    input.taken = port_.take(input.now_ns, input.sample);
+    const Presence seen = port_.presence();
+    input.presence = {seen.connected, input.presence.new_client || seen.new_client,
+                      input.presence.conflict || seen.conflict};
+    if (input.taken && !first) add(statistics_.late_states, std::uint64_t{1});
+    if (input.taken || !waits || !seen.connected || input.now_ns > until) break;
+    sleep_until(input.now_ns + look_again_ns);
+  }
+  answered_in_a_row_ = input.taken ? std::min(answered_in_a_row_ + 1, steady_ticks) : 0;
 }
 
 // A system call a tick would be felt; seven times a second it is not.

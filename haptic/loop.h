@@ -4,10 +4,13 @@
 //
 // Mode `tick`: clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME) on the grid t₀ + k T. A tick that ends after
 // later grid points leaves them out (they are counted as missed) and goes on at the next one: no
-// catch-up bursts. All latencies count from the grid point.
+// catch-up bursts. All latencies count from the grid point. A client that has sent a state for each of the
+// last ticks is waited for when one is late, at most `late_state_ns` from the grid point: that slot's force
+// is late then, and answers its state; without that, a client late by more than half a period (states are
+// best sent half a period before the tick) loses a slot. Wait and solve's budget fit in a period.
 // Mode `event`: a tick for each arrival, at least `min_answer_ns` after the one before, so that a flood is
-// answered at 2 kHz and no faster; without arrivals a tick 1.5 T after the last arrival's (a client at 1 kHz is
-// a little early or late each time) and then each T. A tick's intended time is the arrival, or the end of
+// answered at 2 kHz and no faster; without arrivals a tick 1.5 T after the last arrival's (a client at 1 kHz
+// is a little early or late each time) and then each T. A tick's intended time is the arrival, or the end of
 // that wait. The step is told the time since the tick before, at most T: limits per second stay limits per
 // second. Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any;
 // the loop's thread alone reads `problems`, writes `instrument`, pushes to `history` and uses the port.
@@ -53,6 +56,7 @@ enum class LoopMode : std::uint8_t { tick, event };
 struct LoopTiming {
   LoopMode mode = LoopMode::tick;
   std::int64_t min_answer_ns = 500'000;  // event: between two answers
+  std::int64_t late_state_ns = 350'000;  // tick: how long a state that is late is waited for; 0: not at all
 };
 
 // One tick for the recording.
@@ -74,12 +78,12 @@ class HapticLoop {
   HapticLoop(const HapticLoop&) = delete;
   HapticLoop& operator=(const HapticLoop&) = delete;
 
-  // Captures solves that ended at a cap, and every `every`-th one (0: none else), at most one in 20 ms, each for
-  // about 0.1 ms. Before start; the channel must outlive the loop.
+  // Captures solves that ended at a cap, and every `every`-th one (0: none else), at most one in 20 ms, each
+  // for about 0.1 ms. Before start; the channel must outlive the loop.
   void capture_into(Channel<ContactCapture>& captures, std::uint64_t every);
 
-  // Takes new limits and scales from the channel, and goes over to them within a second. Before start; the channel
-  // must outlive the loop, which alone reads it.
+  // Takes new limits and scales from the channel, and goes over to them within a second. Before start; the
+  // channel must outlive the loop, which alone reads it.
   void retune_from(Channel<DeviceTuning>& tunings) noexcept { tunings_ = &tunings; }
 
   // on_thread runs on the new thread before its first tick: the place for priority and affinity.
@@ -94,6 +98,7 @@ class HapticLoop {
   void run_on_grid() noexcept;
   void run_on_arrivals() noexcept;
   void tick(std::int64_t intended_ns) noexcept;
+  void take(std::int64_t intended_ns, HapticInput& input) noexcept;
   std::int64_t next_slot(std::int64_t intended_ns) noexcept;
   void count(const ForceSample& force) noexcept;
   void capture(const CondensedProblem& problem, const ForceSample& force) noexcept;
@@ -116,6 +121,7 @@ class HapticLoop {
   const LoopTiming timing_;
   std::unique_ptr<HapticState> state_;
   std::int64_t last_woken_ns_ = 0;
+  int answered_in_a_row_ = 0;        // ticks, as far as it matters
   std::int64_t faults_before_ = -1;  // of this thread when it was first armed; −1: not yet
   LoopStatistics statistics_;
   std::atomic<bool> stopping_{false};

@@ -5,9 +5,9 @@
 // A slot is one intended wake-up; in mode `event`, one arrival or the fallback's. scheduled: slots since the
 // start; run: ticks executed, each sends one force; missed: slots that passed during a late or long tick and
 // are not made up for; deadline_misses: ticks that ended after the next intended wake-up (one such tick may
-// miss many slots); answered: ticks with a new valid device state. Missed slots enter `wake` with the time
-// that they waited until the tick in their way was over, so a stall cannot hide (no coordinated
-// omission).
+// miss many slots); answered: ticks with a new valid device state; late_states: ticks that had to wait for
+// theirs (loop.h). Missed slots enter `wake` with the time that they waited until the tick in their way was
+// over, so a stall cannot hide (no coordinated omission).
 // Thread safety: the loop's thread alone writes; all reads are relaxed and may lag.
 #pragma once
 
@@ -27,6 +27,7 @@ struct LoopStatistics {
   std::atomic<std::uint64_t> missed{0};
   std::atomic<std::uint64_t> deadline_misses{0};
   std::atomic<std::uint64_t> answered{0};
+  std::atomic<std::uint64_t> late_states{0};
   std::atomic<std::uint64_t> refused{0};  // device states
   std::atomic<std::uint64_t> conflicts{0};
   std::atomic<std::uint64_t> solver_caps{0};  // contact solves that ended at their cap

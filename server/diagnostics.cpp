@@ -61,6 +61,7 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
           {"slots_sent", run},
           {"slots_missed", s.missed.load(relaxed)},
           {"slots_answered", s.answered.load(relaxed)},
+          {"late_states", s.late_states.load(relaxed)},
           {"wake_us", percentiles(s.wake, 1e-3)},
           {"solve_us", percentiles(s.solve, 1e-3)},
           {"write_us", percentiles(s.write, 1e-3)},
@@ -155,12 +156,13 @@ void Diagnostics::write_capture_if_new() noexcept {
   }
 }
 
-void Diagnostics::start(const std::vector<Grant>& grants) {
+void Diagnostics::start(const std::vector<Grant>& grants, std::optional<int> realtime_core) {
   refused_.clear();
   for (const Grant& g : grants)
     if (!g.granted) refused_ += (refused_.empty() ? "" : ", ") + g.what;
-  thread_ = std::thread([this] {
+  thread_ = std::thread([this, realtime_core] {
     name_thread("diagnostics");
+    if (realtime_core) leave_core(*realtime_core);
     prefault_heap(sample_heap);
     run();
   });

@@ -90,8 +90,8 @@ class Diagnostics {
   Diagnostics(const Diagnostics&) = delete;
   Diagnostics& operator=(const Diagnostics&) = delete;
 
-  // grants: what the operating system refused is part of every status.
-  void start(const std::vector<Grant>& grants = {});
+  // grants: what the operating system refused is part of every status. realtime_core: the thread keeps off it.
+  void start(const std::vector<Grant>& grants = {}, std::optional<int> realtime_core = {});
   // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
   void stop() noexcept;
 

@@ -95,13 +95,16 @@ Grant use_core(int core) {
 
 void name_thread(const char* name) noexcept { pthread_setname_np(pthread_self(), name); }
 
+void leave_core(int core) noexcept {
+  std::vector<int> cores = process_cores();
+  std::erase(cores, core);
+  if (!cores.empty()) set_cores(cores);
+}
+
 void stand_back() noexcept {
   constexpr int after_others = 10;
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), after_others);
-  std::vector<int> cores = process_cores();
-  if (cores.size() < 2) return;
-  cores.pop_back();
-  set_cores(cores);
+  leave_core(process_cores().back());
 }
 
 void prefault_stack() noexcept {

@@ -49,6 +49,8 @@ std::vector<int> process_cores();
 void name_thread(const char* name) noexcept;  // as ps and top show it; 15 characters
 Grant use_fifo(int priority);
 Grant use_core(int core);
+// Calling thread and those it makes: any of its cores but this one, where there is another.
+void leave_core(int core) noexcept;
 // Calling thread and those it makes, of a program that only looks on: after ordinary programs (nice 10), and off the
 // core that a daemon with the same cores gives to its haptic thread, the last one, where there is another.
 void stand_back() noexcept;

@@ -69,7 +69,9 @@ std::vector<Grant> Station::start_loops() {
   return granted.get_future().get();
 }
 
-void Station::start_diagnostics(const std::vector<Grant>& grants) { diagnostics_.start(grants); }
+void Station::start_diagnostics(const std::vector<Grant>& grants) {
+  diagnostics_.start(grants, options_.realtime_core);
+}
 
 void Station::retune(const DeviceTuning& tuning) noexcept {
   tunings_.back() = tuning;

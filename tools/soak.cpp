@@ -30,9 +30,10 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+// Six slices of the same length: what a host takes comes in bursts of some seconds, and shall fall on daemon
+// and tool alike.
 constexpr double cycle_seconds = 12;
-constexpr double tick_share = 2.0 / 6, cyclictest_share = 2.0 / 6, event_share = 1.0 / 6,
-                 ddsperf_share = 1.0 / 6;
+constexpr int slices_per_cycle = 6;
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
@@ -98,28 +99,45 @@ class Soak {
   template <typename Show>
   SoakFigures cycle(double seconds, Show&& show) {
     SoakFigures f;
-    const bool attached_event = options_.attach && options_.mode == "event";
-    if (tick_ || (options_.attach && !attached_event)) {
-      show("tick", 0);
-      f.tick = client_slice(options_.client, tick_.get(), source_, tick_share * seconds);
-    }
-    if (has_cyclictest_) {
-      show("cyclictest", 0.33);
-      f.cyclictest_us = with_hidden_wakeups(
-          run_cyclictest(cyclictest_share * seconds, core_, haptic_priority, scratch_.string()));
-    }
-    if (event_ || attached_event) {
-      show("event", 0.67);
-      f.event = client_slice(options_.client, event_.get(), source_, event_share * seconds);
-    }
-    if (has_ddsperf_ && !interrupted()) {
-      show("ddsperf", 0.83);
-      f.ddsperf =
-          run_ddsperf(ddsperf_share * seconds, core_, static_cast<int>(tool_domain_), scratch_.string());
+    const double slice = seconds / slices_per_cycle;
+    auto progress = [&, n = 0](const char* what) mutable {
+      show(what, double(n++) / slices_per_cycle);
+    };
+    for (const bool second : {false, true}) {
+      progress("tick");
+      add_tick(slice, f);
+      progress("cyclictest");
+      add_cyclictest(slice, f);
+      progress(second ? "ddsperf" : "event");
+      if (second)
+        add_ddsperf(slice, f);
+      else
+        add_event(slice, f);
     }
     for (const SoakDaemon* server : {tick_.get(), event_.get()})
       if (server) f.rss_mb += server->resident_mb();
     return f;
+  }
+
+  bool attached_in(const char* mode) const {
+    return options_.attach && (options_.mode == "event") == (std::string(mode) == "event");
+  }
+  void add_tick(double seconds, SoakFigures& f) {
+    if (tick_ || attached_in("tick"))
+      f.tick.merge(client_slice(options_.client, tick_.get(), source_, seconds));
+  }
+  void add_event(double seconds, SoakFigures& f) {
+    if (event_ || attached_in("event"))
+      f.event.merge(client_slice(options_.client, event_.get(), source_, seconds));
+  }
+  void add_cyclictest(double seconds, SoakFigures& f) {
+    if (has_cyclictest_ && !interrupted())
+      f.cyclictest_us.merge(
+          with_hidden_wakeups(run_cyclictest(seconds, core_, haptic_priority, scratch_.string())));
+  }
+  void add_ddsperf(double seconds, SoakFigures& f) {
+    if (has_ddsperf_ && !interrupted())
+      f.ddsperf.merge(run_ddsperf(seconds, core_, static_cast<int>(tool_domain_), scratch_.string()));
   }
 
   SoakOptions options_;

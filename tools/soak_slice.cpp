@@ -24,6 +24,7 @@ ServerFigures between(const nlohmann::json& before, const nlohmann::json& after)
     return after.at(key).get<std::int64_t>() - before.at(key).get<std::int64_t>();
   };
   f.misses = count("haptic_deadline_misses");
+  f.late_states = count("late_states");
   f.steps = count("sim_steps");
   f.seconds = 1e-9 * static_cast<double>(count("time_ns"));
   return f;
@@ -62,6 +63,7 @@ void ServerFigures::merge(const ServerFigures& o) {
   sent += o.sent;
   answered += o.answered;
   misses += o.misses;
+  late_states += o.late_states;
   steps += o.steps;
   force_peak = std::max(force_peak, o.force_peak);
   seconds += o.seconds;
@@ -78,6 +80,7 @@ nlohmann::ordered_json to_json(const ServerFigures& f) {
   j["problem_age_ms"] = to_json(f.problem_age_ms);
   j["rtt_us"] = to_json(f.rtt_us);
   j["rtt_less_compute_us"] = to_json(f.rtt_less_compute_us);
+  j["late_states"] = f.late_states;
   j["deadline_misses"] = f.misses;
   j["longest_gap_ms"] = rounded(1e-3 * f.interval_us.max(), 3);
   j["sim_rate_hz"] = f.seconds > 0 ? rounded(static_cast<double>(f.steps) / f.seconds, 2) : 0;
@@ -94,7 +97,7 @@ ServerFigures client_slice(const ClientSettings& settings, SoakDaemon* server, S
     server->go_on();
   }
   const auto slots = static_cast<std::int64_t>(1e3 * seconds);
-  const std::int64_t margin = 300;  // slots before the end at which the figures are asked for
+  const std::int64_t margin = 200;  // slots before the end at which the figures are asked for
   ServerFigures figures;
   {
     Session session(options, slots);

@@ -126,6 +126,87 @@ TEST_F(Loop, EveryTickIsAnsweredRecordedAndCounted) {
   EXPECT_EQ(inputs.front().sequence, s.run.load());
 }
 
+// Sends a state for each tick, with number `sequence`, but for those that `late` says how late they come
+// [ns]; negative: never.
+class LatePort final : public DevicePort {
+ public:
+  std::function<std::int64_t(int tick)> late = [](int) { return std::int64_t{0}; };
+  std::function<bool(int tick)> connected = [](int) { return true; };
+  std::vector<ForceSample> written;
+  std::vector<std::int64_t> written_ns;
+  int takes = 0;
+
+  LatePort() {
+    written.reserve(10'000);
+    written_ns.reserve(10'000);
+  }
+  int tick() const { return static_cast<int>(written.size()) + 1; }
+  bool take(std::int64_t now_ns, DeviceSample& sample) noexcept override {
+    ++takes;
+    if (seen_ != tick()) began_ = now_ns;
+    seen_ = tick();
+    if (!connected(tick()) || late(tick()) < 0 || now_ns < began_ + late(tick())) return false;
+    sample = {};
+    sample.sequence = static_cast<std::uint64_t>(tick());
+    sample.received_ns = now_ns;
+    sample.enable = true;
+    return true;
+  }
+  std::int64_t await(std::int64_t) noexcept override { return 0; }
+  Presence presence() const noexcept override {
+    return {.connected = connected(seen_), .new_client = seen_ == 1};
+  }
+  void write(const ForceSample& force) noexcept override {
+    written.push_back(force);
+    written_ns.push_back(monotonic_ns());
+  }
+
+ private:
+  int seen_ = 0;
+  std::int64_t began_ = 0;
+};
+
+TEST_F(Loop, AStateThatIsALittleLateIsWaitedForAndAnswered) {
+  LatePort late;
+  late.late = [](int tick) { return tick % 20 == 0 ? 150'000 : 0; };
+  HapticLoop loop(instrument, device, options, late, problems, inputs, history);
+  run(loop, 200);
+  const LoopStatistics& s = loop.statistics();
+  EXPECT_LE(s.late_states.load(), s.run.load() / 20);
+  // Not all: a tick that woke too late itself looks once.
+  EXPECT_GE(s.late_states.load(), s.run.load() / 40);
+  EXPECT_EQ(s.run.load() - s.answered.load(), s.run.load() / 20 - s.late_states.load());
+}
+
+TEST_F(Loop, AStateThatDoesNotComeIsWaitedForOnceAndNotBeyondItsTime) {
+  LatePort late;
+  late.late = [](int tick) { return tick > 50 ? -1 : 0; };
+  HapticLoop loop(instrument, device, options, late, problems, inputs, history);
+  run(loop, 200);
+  const LoopStatistics& s = loop.statistics();
+  const int silent = static_cast<int>(s.run.load()) - 50;
+  ASSERT_GT(silent, 50);
+  EXPECT_EQ(s.answered.load(), 50u);
+  EXPECT_EQ(s.late_states.load(), 0u);
+  EXPECT_LE(late.takes - 50 - silent, 7);  // 0.35 ms, looked at each 0.05
+  EXPECT_EQ(late.written.size(), s.run.load() + 1);
+}
+
+TEST_F(Loop, ClientsAtAnotherRateOrGoneAreNotWaitedFor) {
+  LatePort half;
+  half.late = [](int tick) { return tick % 2 ? 0 : -1; };
+  {
+    HapticLoop loop(instrument, device, options, half, problems, inputs, history);
+    run(loop, 100);
+    EXPECT_EQ(half.takes, static_cast<int>(loop.statistics().run.load()));
+  }
+  LatePort gone;
+  gone.connected = [](int tick) { return tick <= 50; };
+  HapticLoop loop(instrument, device, options, gone, problems, inputs, history);
+  run(loop, 100);
+  EXPECT_EQ(gone.takes, static_cast<int>(loop.statistics().run.load()));
+}
+
 TEST_F(Loop, LastForceIsZeroAndDisarmedAndStopMayBeCalledTwice) {
   HapticLoop loop(instrument, device, options, port, problems, inputs, history);
   run(loop, 50);
