@@ -47,7 +47,8 @@ class Soak {
       : options_(options),
         scratch_(scratch),
         load_(options.load / 100),
-        source_(*trajectory_of(scene)),
+        of_tick_(*trajectory_of(scene)),
+        of_event_(trajectory_),
         core_(std::max(1, static_cast<int>(std::thread::hardware_concurrency())) - 1) {
     has_cyclictest_ = is_installed("cyclictest") && realtime_allowed();  // it ends without that right
     has_ddsperf_ = is_installed("ddsperf");
@@ -100,9 +101,7 @@ class Soak {
   SoakFigures cycle(double seconds, Show&& show) {
     SoakFigures f;
     const double slice = seconds / slices_per_cycle;
-    auto progress = [&, n = 0](const char* what) mutable {
-      show(what, double(n++) / slices_per_cycle);
-    };
+    auto progress = [&, n = 0](const char* what) mutable { show(what, double(n++) / slices_per_cycle); };
     for (const bool second : {false, true}) {
       progress("tick");
       add_tick(slice, f);
@@ -124,11 +123,11 @@ class Soak {
   }
   void add_tick(double seconds, SoakFigures& f) {
     if (tick_ || attached_in("tick"))
-      f.tick.merge(client_slice(options_.client, tick_.get(), source_, seconds));
+      f.tick.merge(client_slice(options_.client, tick_.get(), of_tick_, seconds));
   }
   void add_event(double seconds, SoakFigures& f) {
     if (event_ || attached_in("event"))
-      f.event.merge(client_slice(options_.client, event_.get(), source_, seconds));
+      f.event.merge(client_slice(options_.client, event_.get(), of_event_, seconds));
   }
   void add_cyclictest(double seconds, SoakFigures& f) {
     if (has_cyclictest_ && !interrupted())
@@ -144,7 +143,7 @@ class Soak {
   fs::path scratch_;
   Load load_;  // before anything makes threads
   Trajectory trajectory_;
-  SwingSource source_;
+  SwingSource of_tick_, of_event_;  // each daemon's motion goes on where it was
   int core_;
   std::uint32_t tool_domain_ = 0;
   bool has_cyclictest_ = false, has_ddsperf_ = false;

@@ -130,11 +130,12 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   displaced_patch(problem, state.memory, scratch.x);
   out.instrument = X_start;
   const int linearisations = std::max(1, options.linearisations);
+  const double held = options.first_margin > 0 ? std::min(options.first_margin, margin) : margin;
   PatchPositions x_lin;
   Pose X_lin;
   const auto build = [&](const Reached* reached) {
-    build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, margin, scratch.rows,
-               reached, options.times);
+    build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, held, scratch.rows, reached,
+               options.times);
     ++scratch.matrix_version;
   };
   // False if the solver met no number.
@@ -159,7 +160,7 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
     if (!solve(linearisations - 1 - k)) return;
     for (int again = 0; again < most_returns && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
-      if (!lets_through(problem, instrument, X_lin, x_lin, margin, end)) break;
+      if (!lets_through(problem, instrument, X_lin, x_lin, held, margin, end)) break;
       build(&end);
       if (!solve(linearisations - 1 - k)) return;
     }

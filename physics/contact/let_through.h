@@ -1,11 +1,14 @@
 // What a contact solve let through the instrument, because no row was there to hold it.
 //
-//   gap(s_lin) ≥ margin, hence no row, but   gap(s_lin) + n·(s_end − s_lin) + J_n (X_end ⊖ X_lin) < −margin
+//   gap(s_lin) ≥ held, hence no row, but   gap(s_lin) + n·(s_end − s_lin) + J_n (X_end ⊖ X_lin) < −allowed
 //
-// Linearised where it came from: the true gap at the end does not tell, for what has passed through is
-// outside again, or met by normals of the instrument's far side. Gaps change by no more than points move: a
-// solve that moved nothing by twice the margin is not looked at further.
-// Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
+// allowed is 0 where gap(s_lin) < margin: a solve of fewer rows (held < margin) that lets nothing through is
+// the solve of all up to the margin, the rows left out having no force and no overlap. It is the margin
+// beyond that, for tissue alone. Linearised where it came from: the true gap at the end does not tell, for
+// what has passed through is outside again, or met by normals of the instrument's far side. Gaps change by no
+// more than points move: a solve that moved nothing by `held` (twice the margin, where that is what was held)
+// is not looked at further. Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples ×
+// primitives.
 #pragma once
 
 #include "physics/contact/placed_instrument.h"
@@ -23,6 +26,6 @@ inline double gap_reached(const CondensedProblem& problem, int sample, const Vec
 }
 
 bool lets_through(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_lin,
-                  const PatchPositions& x_lin, double margin, const Reached& end) noexcept;
+                  const PatchPositions& x_lin, double held, double margin, const Reached& end) noexcept;
 
 }  // namespace hapticd

@@ -376,6 +376,34 @@ TEST(ContactSolve, ATipThatRetractsWithinOneSolveKeepsItsContact) {
   }
 }
 
+// Rows that a solve does without until it would let their samples through change nothing but its cost. With
+// friction a sample that is a row for the first time has no place on the tip to have slipped from: there as
+// many rows as the next ticks can reach, as the haptic step asks for.
+TEST(ContactSolve, FewerRowsAtFirstGiveTheSameForces) {
+  for (const double mu : {0.0, 0.3}) {
+    Pocket all, few;
+    for (Pocket* p : {&all, &few})
+      for (int k = 0; k < p->problem->samples; ++k) p->problem->sample[k].friction = mu;
+    Random random(11);
+    std::uniform_real_distribution<double> any(-1, 1);
+    int rows = 0, fewer = 0;
+    Pose X = Pocket::at(-0.1e-3);
+    for (int k = 0; k < 400; ++k) {
+      const Vec3 way =
+          (k % 20 == 19 ? 60e-6 : 10e-6) * Vec3(any(random), any(random), k < 150 ? -1 : any(random));
+      X.p += way;
+      few.loop.options.first_margin = mu > 0 ? std::max(3 * way.norm(), 0.04e-3) : 0.02e-3;
+      const ContactSolution a = all.loop.solve(*all.problem, all.instrument, X),
+                            b = few.loop.solve(*few.problem, few.instrument, X);
+      const double scale = std::max(a.wrench.head<3>().norm(), 1e-3);
+      EXPECT_LT((a.wrench - b.wrench).head<3>().norm(), 1e-6 * scale) << mu << " " << k;
+      rows += a.contacts;
+      fewer += b.contacts;
+    }
+    EXPECT_LT(fewer, 0.7 * rows);
+  }
+}
+
 // All of the faces under the tip go, and others come to light in their place: a new set of samples.
 TEST(ContactSolve, ARemovalUnderTheTipKeepsItsContact) {
   Pocket pocket;
