@@ -1,6 +1,7 @@
 #include "haptic/haptic_step.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace hapticd {
@@ -8,7 +9,6 @@ namespace {
 
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
-constexpr double ticks_ahead = 3;
 constexpr double least_of_margin = 5;
 constexpr double shortest_tick = 0.5e-3;  // [s]; states that come closer together know no speed
 
@@ -86,8 +86,9 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
     if (part >= shortest_part && press_on(part, period, X, instrument, contact, s)) T -= part;
   }
   // Rows for what some ticks like this one can reach; more where that turns out to be too few.
-  contact.first_margin = std::clamp(ticks_ahead * difference(X, s.X).head<3>().norm(),
-                                    contact.margin / least_of_margin, contact.margin);
+  if (std::isfinite(options.ticks_ahead))
+    contact.first_margin = std::clamp(options.ticks_ahead * difference(X, s.X).head<3>().norm(),
+                                      contact.margin / least_of_margin, contact.margin);
   s.X = X;
   const CondensedProblem& now =
       at_tick(problem, options.viscous, T < period ? T : std::max(T, shortest_tick), s.patch);

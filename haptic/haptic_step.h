@@ -24,6 +24,9 @@ struct HapticOptions {
   // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered: the
   // last good wrench is held for 10 ms, then fades in 90 ms.
   double usable_residual = 1e-3;
+  // Samples that so many ticks like this one can reach are rows at once, and all within a fifth of the margin
+  // (ContactOptions::first_margin); infinity: all within the margin.
+  double ticks_ahead = 3;
   std::int64_t solve_budget_ns = 600'000;  // of the contact solve, from its begin; the loop keeps the clock
   bool passivity_control = false;          // the observer always runs
 };

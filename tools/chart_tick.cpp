@@ -49,6 +49,7 @@ TickFigures chart_tick(const TickSettings& settings, const std::function<bool(do
   PartTimes times(monotonic_ns);
   HapticOptions options = haptic_options(scene);
   options.contact.times = &times;
+  options.ticks_ahead = std::numeric_limits<double>::infinity();
   const auto state = std::make_unique<HapticState>();
   TickFigures figures;
   std::vector<double> us, nodes, contacts, active;
