@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 
+#include "tests/support/contact_loop.h"
 #include "tests/support/contact_problems.h"
 #include "tests/support/malloc_guard.h"
 
@@ -11,19 +12,6 @@ namespace hapticd {
 namespace {
 
 constexpr double T = 1e-3;
-
-// One loop's own state and scratch.
-struct Loop {
-  ContactOptions options;
-  ContactState state;
-  std::unique_ptr<ContactScratch> scratch = std::make_unique<ContactScratch>();
-
-  Loop() { options.margin = 0.15e-3; }
-
-  ContactSolution solve(const CondensedProblem& problem, const Instrument& instrument, const Pose& X) {
-    return solve_contact(problem, instrument, X, T, options, state, *scratch);
-  }
-};
 
 struct Sheet {
   std::unique_ptr<CondensedProblem> problem;
@@ -50,7 +38,7 @@ struct Sheet {
 TEST(ContactSolve, FreeSpaceGivesZero) {
   for (const double friction : {0.0, 0.3}) {
     const Sheet s(friction);
-    Loop loop;
+    ContactLoop loop;
     const ContactSolution out = loop.solve(*s.problem, s.instrument, Sheet::at(-0.1e-3));
     EXPECT_GT(out.contacts, 0);  // rows exist before touch
     EXPECT_EQ(out.active, 0);
@@ -72,7 +60,7 @@ TEST(ContactSolve, SphereOnASpringIsTwoSpringsInSeries) {
       problem->X_ref = {Vec3(0, 0, 1e-3), Quat::Identity()};
       const Instrument instrument = sphere_instrument(1e-3);
       const Pose X{Vec3(0, 0, 1e-3 - depth), Quat::Identity()};
-      Loop loop;
+      ContactLoop loop;
       ContactSolution out = loop.solve(*problem, instrument, X);
       const double at_once = depth / (1 / k + 1 / (K * (1 + damping_time / T)));
       EXPECT_NEAR(out.wrench[2], at_once, 1e-8 * at_once);
@@ -90,7 +78,7 @@ TEST(ContactSolve, SphereOnASpringIsTwoSpringsInSeries) {
 TEST(ContactSolve, NoCouplingStiffnessMeansHeldRigidly) {
   const auto problem = spring_problem(40, Vec3::Zero(), 0);
   const Instrument instrument = sphere_instrument(1e-3);
-  Loop loop;
+  ContactLoop loop;
   const ContactSolution out = loop.solve(*problem, instrument, {Vec3(0, 0, 0.7e-3), Quat::Identity()});
   EXPECT_NEAR(out.wrench[2], 40 * 0.3e-3, 1e-9);
   EXPECT_EQ(out.instrument.p.z(), 0.7e-3);
@@ -102,7 +90,7 @@ TEST(ContactSolve, RigidObstacleIsFeltThroughTheCouplingAlone) {
     problem->nodes = 0;
     problem->sample[0].node = {-1, -1, -1};
     problem->coupling = {300, 0.05, 0};
-    Loop loop;
+    ContactLoop loop;
     ContactSolution out;
     for (int tick = 0; tick < 50; ++tick)
       out = loop.solve(*problem, sphere_instrument(1e-3), {Vec3(0, 0, 0.7e-3), Quat::Identity()});
@@ -119,7 +107,7 @@ TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
   s.instrument.primitives[0].placement.p = {0.4e-3, 0.2e-3, 0};  // so that there is a torque
   Vec6 wrench;
   const auto energy = [&](const Pose& X) {
-    Loop loop;
+    ContactLoop loop;
     loop.options.linearisations = 60;
     const ContactSolution out = loop.solve(*s.problem, s.instrument, X);
     wrench = out.wrench;
@@ -147,7 +135,7 @@ TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
 TEST(ContactSolve, TwoLoopsAgreeAtEqualPoses) {
   Sheet s(0.0);
   s.problem->coupling.damping_time = 0;
-  Loop haptic, simulation;
+  ContactLoop haptic, simulation;
   haptic.options.linearisations = simulation.options.linearisations = 60;
   for (int tick = 0; tick < 20; ++tick) {
     const Pose X = Sheet::at(0.4e-3 * std::sin(0.3 * tick), 0.3e-3 * std::cos(0.2 * tick));
@@ -162,7 +150,7 @@ TEST(ContactSolve, EqualHistoriesGiveEqualForcesWithFriction) {
   for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
     Sheet s(0.3);
     s.problem->renewal = renewal;
-    Loop a, b;
+    ContactLoop a, b;
     for (int tick = 0; tick < 50; ++tick) {
       const Pose X = Sheet::at(0.3e-3, 1e-5 * tick);
       const Vec6 first = a.solve(*s.problem, s.instrument, X).wrench;
@@ -178,7 +166,7 @@ TEST(ContactSolve, FrozenAndRenewedAgreeInTheLimitOfSmallDepth) {
     for (const double depth : {160e-6, 80e-6, 40e-6}) {
       Sheet s(friction);
       s.problem->X_ref = Sheet::at(depth);
-      Loop renewed, frozen;
+      ContactLoop renewed, frozen;
       renewed.options.linearisations = 30;
       const Vec6 a = renewed.solve(*s.problem, s.instrument, s.problem->X_ref).wrench;
       s.problem->renewal = Renewal::frozen;
@@ -199,7 +187,7 @@ TEST(ContactSolve, StickDoesNotCreep) {
   for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
     Sheet s(0.8);
     s.problem->renewal = renewal;
-    Loop loop;
+    ContactLoop loop;
     loop.options.margin = 0.04e-3;
     for (int tick = 0; tick <= 30; ++tick) loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
     for (int tick = 0; tick <= 20; ++tick)
@@ -224,7 +212,7 @@ TEST(ContactSolve, DraggedContactSlidesWithMuTimesNormalForce) {
   plate.half_length = 1e-3;
   Instrument instrument;
   instrument.primitives.push_back(plate);
-  Loop loop;
+  ContactLoop loop;
   ContactSolution out;
   for (int tick = 0; tick < 1500; ++tick)
     out = loop.solve(*problem, instrument, {Vec3(5e-6 * tick, 0, 1e-3 - 0.3e-3), Quat::Identity()});
@@ -245,7 +233,7 @@ TEST(ContactSolve, StickingContactPullsLikeTwoSpringsInSeries) {
   plate.half_length = 1e-3;
   Instrument instrument;
   instrument.primitives.push_back(plate);
-  Loop loop;
+  ContactLoop loop;
   loop.solve(*problem, instrument, {Vec3(0, 0, 1e-3 - 0.3e-3), Quat::Identity()});
   ContactSolution out;
   for (int tick = 0; tick <= 100; ++tick)
@@ -256,7 +244,7 @@ TEST(ContactSolve, StickingContactPullsLikeTwoSpringsInSeries) {
 TEST(ContactSolve, PenetrationIsLeftOnlyByTheLinearisation) {
   for (const double friction : {0.0, 0.3}) {
     const Sheet s(friction);
-    Loop loop;
+    ContactLoop loop;
     ContactSolution out;
     for (int tick = 0; tick <= 30; ++tick)
       out = loop.solve(*s.problem, s.instrument, Sheet::at(0.01e-3 * tick));
@@ -270,7 +258,7 @@ TEST(ContactSolve, NotFinitePoseGivesZeroForceAndForgets) {
   for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
     Sheet s(0.3);
     s.problem->renewal = renewal;
-    Loop loop;
+    ContactLoop loop;
     const Vec6 before = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench;
     Pose broken = Sheet::at(0.2e-3);
     broken.p.x() = std::numeric_limits<double>::quiet_NaN();
@@ -288,7 +276,7 @@ TEST(ContactSolve, AllocatesNothing) {
     for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
       Sheet s(friction);
       s.problem->renewal = renewal;
-      Loop loop;
+      ContactLoop loop;
       int active = 0;
       long allocations = 0, frees = 0;
       {
@@ -330,87 +318,6 @@ TEST(MallocGuardDeathTest, ForbidEndsTheProcess) {
         EXPECT_EQ(v.sum(), 1000);
       },
       "forbidden");
-}
-
-// A tip pressed deep into soft tissue, which would spring back by more than the tip's radius without it.
-struct Pocket {
-  std::unique_ptr<CondensedProblem> problem;
-  Instrument instrument = sphere_instrument(0.6e-3);
-  Loop loop;
-
-  Pocket() {
-    Random random(3);
-    SheetSettings settings;
-    settings.nodes = 9;
-    settings.side = 4e-3;
-    settings.compliance = 0.15;
-    settings.reach = 1e-3;
-    problem = sheet_problem(random, settings);
-    problem->alarm_distance = 0.8e-3;
-    loop.options.margin = 0.2e-3;
-    loop.options.linearisations = 3;
-  }
-  static Pose at(double depth) { return {Vec3(0.05e-3, 0.02e-3, 0.6e-3 - depth), Quat::Identity()}; }
-
-  double force_at(double depth) { return loop.solve(*problem, instrument, at(depth)).wrench[2]; }
-  // The way a hand goes: 20 µm a solve.
-  double go(double from, double to) {
-    double force = 0;
-    const int solves = static_cast<int>(std::lround(std::abs(to - from) / 20e-6));
-    for (int k = 0; k <= solves; ++k) force = force_at(from + (to - from) * k / solves);
-    return force;
-  }
-};
-
-// The last solve's forces press the sheet away from a tip that has gone: almost none of it is within reach of
-// rows, and what is not would be met from inside, or not at all.
-TEST(ContactSolve, ATipThatRetractsWithinOneSolveKeepsItsContact) {
-  for (const double back : {0.2e-3, 0.3e-3, 0.4e-3}) {
-    Pocket slow, fast;
-    const double deep = slow.go(-0.1e-3, 1.6e-3);
-    fast.go(-0.1e-3, 1.6e-3);
-    const double expected = slow.go(1.6e-3, 1.6e-3 - back);
-    EXPECT_LT(expected, 0.95 * deep);
-    EXPECT_GT(expected, 0.3 * deep);
-    EXPECT_NEAR(fast.force_at(1.6e-3 - back), expected, 0.05 * expected) << back;
-  }
-}
-
-// Rows that a solve does without until it would let their samples through change nothing but its cost. With
-// friction a sample that is a row for the first time has no place on the tip to have slipped from: there as
-// many rows as the next ticks can reach, as the haptic step asks for.
-TEST(ContactSolve, FewerRowsAtFirstGiveTheSameForces) {
-  for (const double mu : {0.0, 0.3}) {
-    Pocket all, few;
-    for (Pocket* p : {&all, &few})
-      for (int k = 0; k < p->problem->samples; ++k) p->problem->sample[k].friction = mu;
-    Random random(11);
-    std::uniform_real_distribution<double> any(-1, 1);
-    int rows = 0, fewer = 0;
-    Pose X = Pocket::at(-0.1e-3);
-    for (int k = 0; k < 400; ++k) {
-      const Vec3 way =
-          (k % 20 == 19 ? 60e-6 : 10e-6) * Vec3(any(random), any(random), k < 150 ? -1 : any(random));
-      X.p += way;
-      few.loop.options.first_margin = mu > 0 ? std::max(3 * way.norm(), 0.04e-3) : 0.02e-3;
-      const ContactSolution a = all.loop.solve(*all.problem, all.instrument, X),
-                            b = few.loop.solve(*few.problem, few.instrument, X);
-      const double scale = std::max(a.wrench.head<3>().norm(), 1e-3);
-      EXPECT_LT((a.wrench - b.wrench).head<3>().norm(), 1e-6 * scale) << mu << " " << k;
-      rows += a.contacts;
-      fewer += b.contacts;
-    }
-    EXPECT_LT(fewer, 0.7 * rows);
-  }
-}
-
-// All of the faces under the tip go, and others come to light in their place: a new set of samples.
-TEST(ContactSolve, ARemovalUnderTheTipKeepsItsContact) {
-  Pocket pocket;
-  const double before = pocket.go(-0.1e-3, 1.6e-3);
-  for (int a = 0; a < pocket.problem->nodes; ++a) pocket.problem->x_now[a] = pocket.loop.scratch->x[a];
-  for (int k = 0; k < pocket.problem->samples; ++k) pocket.problem->sample[k].id += 1u << 20;
-  EXPECT_NEAR(pocket.force_at(1.6e-3), before, 0.02 * before);
 }
 
 }  // namespace

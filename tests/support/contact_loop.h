@@ -1,0 +1,23 @@
+// A haptic loop's contact solves, a millisecond each.
+#pragma once
+
+#include <memory>
+
+#include "physics/contact/contact_solve.h"
+
+namespace hapticd {
+
+// One loop's own state and scratch.
+struct ContactLoop {
+  ContactOptions options;
+  ContactState state;
+  std::unique_ptr<ContactScratch> scratch = std::make_unique<ContactScratch>();
+
+  ContactLoop() { options.margin = 0.15e-3; }
+
+  ContactSolution solve(const CondensedProblem& problem, const Instrument& instrument, const Pose& X) {
+    return solve_contact(problem, instrument, X, 1e-3, options, state, *scratch);
+  }
+};
+
+}  // namespace hapticd
