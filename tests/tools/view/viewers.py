@@ -4,8 +4,9 @@ viewers.py BIN_DIR SOURCE_DIR DOMAIN [--viewers 0 2 10] [--rounds 6] [--seconds 
 
 One daemon on the cube, one `haptic view`, and a process that reads each viewer's WebSocket to the last frame. That
 process keeps off the haptic thread's core, as a browser on another machine does; with --anywhere it may have it. Prints a
-row for each run, then of each percentile the median over the rounds, its range, and its ratio to none. A benchmark: run it
-with nothing else on the machine.
+row for each run, then of each percentile the median over the rounds, its range, its ratio to none, and the share of pairs
+in which a run with viewers read more than one without (one half is chance). A benchmark: run it with nothing else on the
+machine.
 """
 import argparse
 import json
@@ -90,6 +91,11 @@ def run(options, viewers, scratch):
                 process.wait()
 
 
+def share_larger(values, base):
+    """Mann and Whitney's U over its largest value."""
+    return sum((v > b) + 0.5 * (v == b) for v in values for b in base) / (len(values) * len(base))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('binaries')
@@ -111,10 +117,13 @@ def main():
     none = options.viewers[0]
     for key in rows[none][0]:
         line = f'{key:15s}'
-        base = statistics.median(row[key] for row in rows[none])
+        base = [row[key] for row in rows[none]]
         for n in options.viewers:
             values = [row[key] for row in rows[n]]
-            line += f' | {n:2d}: {statistics.median(values):6.1f} ({min(values):.1f}–{max(values):.1f}) ×{statistics.median(values) / base:.2f}'
+            middle = statistics.median(values)
+            line += f' | {n:2d}: {middle:6.1f} ({min(values):.1f}–{max(values):.1f})'
+            if n != none:
+                line += f' ×{middle / statistics.median(base):.2f}, {share_larger(values, base):.2f}'
         print(line)
 
 
