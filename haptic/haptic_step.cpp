@@ -9,8 +9,8 @@ namespace {
 
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
-constexpr double least_of_margin = 5;
-constexpr double shortest_tick = 0.5e-3;  // [s]; states that come closer together know no speed
+constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
+constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
   return {.now_ns = input.now_ns,
@@ -88,7 +88,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   // Rows for what some ticks like this one can reach; more where that turns out to be too few.
   if (std::isfinite(options.ticks_ahead))
     contact.first_margin = std::clamp(options.ticks_ahead * difference(X, s.X).head<3>().norm(),
-                                      contact.margin / least_of_margin, contact.margin);
+                                      least_of_margin * contact.margin, contact.margin);
   s.X = X;
   const CondensedProblem& now =
       at_tick(problem, options.viscous, T < period ? T : std::max(T, shortest_tick), s.patch);

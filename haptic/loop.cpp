@@ -173,18 +173,13 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   count_page_faults(force);
 }
 
-// The newest state; in mode `tick` of a client that has been punctual so far, one that comes a little late
-// too.
+// The newest state; in mode `tick`, of a client that has been punctual so far, also one that is a little
+// late.
 void HapticLoop::take(std::int64_t intended, HapticInput& input) noexcept {
   const bool waits = timing_.mode == LoopMode::tick && answered_in_a_row_ >= steady_ticks;
-  const std::int64_t period = options_.watchdog.period_ns;
-  std::int64_t until = 0;
+  const std::int64_t until = intended + timing_.late_state_ns - look_again_ns;
   for (bool first = true;; first = false) {
     input.now_ns = monotonic_ns();
-    // From the slot that it is now: behind a stall, which has held up the client too, not the one that was
-    // missed.
-    if (first)
-      until = intended + (input.now_ns - intended) / period * period + timing_.late_state_ns - look_again_ns;
     input.taken = port_.take(input.now_ns, input.sample);
     const Presence seen = port_.presence();
     input.presence = {seen.connected, input.presence.new_client || seen.new_client,

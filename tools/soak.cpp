@@ -118,15 +118,12 @@ class Soak {
     return f;
   }
 
-  bool attached_in(const char* mode) const {
-    return options_.attach && (options_.mode == "event") == (std::string(mode) == "event");
-  }
+  bool attached(bool to_event) const { return options_.attach && (options_.mode == "event") == to_event; }
   void add_tick(double seconds, SoakFigures& f) {
-    if (tick_ || attached_in("tick"))
-      f.tick.merge(client_slice(options_.client, tick_.get(), of_tick_, seconds));
+    if (tick_ || attached(false)) f.tick.merge(client_slice(options_.client, tick_.get(), of_tick_, seconds));
   }
   void add_event(double seconds, SoakFigures& f) {
-    if (event_ || attached_in("event"))
+    if (event_ || attached(true))
       f.event.merge(client_slice(options_.client, event_.get(), of_event_, seconds));
   }
   void add_cyclictest(double seconds, SoakFigures& f) {

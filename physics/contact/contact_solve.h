@@ -7,8 +7,8 @@
 // none is known, or a sample is gone, at x_now (rows.h). What no row holds may spring through the instrument,
 // where normals point out on its wrong side: a solve that leaves a sample deeper than `margin`, or at all
 // inside of those that were nearer than `margin`, is repeated at its own linearisation, with the samples that
-// it let through as rows too, at most three times. Virtual coupling with a massless proxy: e = X_device ⊖
-// X_instrument,
+// it let through as rows too, at most three times.
+// Virtual coupling with a massless proxy: e = X_device ⊖ X_instrument,
 //   K e + B (e − e_prev)/T + Jᵀλ = 0  ⇒  e = K_eff⁻¹ (B/T e_prev − Jᵀ λ),  K_eff = K + B/T,
 // so the coupling enters W as J K_eff⁻¹ Jᵀ and the free instrument pose is X_device ⊖ K_eff⁻¹ (B/T) e_prev.
 // Wrench on the device = Jᵀ λ (N, N·m; J = ∂δ/∂twist of the instrument, so virtual work fixes the
@@ -34,8 +34,8 @@ namespace hapticd {
 
 struct ContactOptions {
   int linearisations = 2;
-  double margin =
-      0;  // gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance
+  // Gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance.
+  double margin = 0;
   // Gap below which it becomes a row at once; one between the two when a solve without it would let it
   // through: fewer rows, the same solution (let_through.h) [m]. 0: margin.
   double first_margin = 0;

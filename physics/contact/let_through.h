@@ -7,8 +7,8 @@
 // beyond that, for tissue alone. Linearised where it came from: the true gap at the end does not tell, for
 // what has passed through is outside again, or met by normals of the instrument's far side. Gaps change by no
 // more than points move: a solve that moved nothing by `held` (twice the margin, where that is what was held)
-// is not looked at further. Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples ×
-// primitives.
+// is not looked at further.
+// Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
 #pragma once
 
 #include "physics/contact/placed_instrument.h"
