@@ -120,16 +120,21 @@ class Soak {
 
   bool attached(bool to_event) const { return options_.attach && (options_.mode == "event") == to_event; }
   void add_tick(double seconds, SoakFigures& f) {
-    if (tick_ || attached(false)) f.tick.merge(client_slice(options_.client, tick_.get(), of_tick_, seconds));
+    if (!tick_ && !attached(false)) return;
+    const ServerFigures slice = client_slice(options_.client, tick_.get(), of_tick_, seconds);
+    f.tick.merge(slice);
+    record_.wake_slices_us.push_back(slice.wake_us);
   }
   void add_event(double seconds, SoakFigures& f) {
     if (event_ || attached(true))
       f.event.merge(client_slice(options_.client, event_.get(), of_event_, seconds));
   }
   void add_cyclictest(double seconds, SoakFigures& f) {
-    if (has_cyclictest_ && !interrupted())
-      f.cyclictest_us.merge(
-          with_hidden_wakeups(run_cyclictest(seconds, core_, haptic_priority, scratch_.string())));
+    if (!has_cyclictest_ || interrupted()) return;
+    const Tally slice =
+        with_hidden_wakeups(run_cyclictest(seconds, core_, haptic_priority, scratch_.string()));
+    f.cyclictest_us.merge(slice);
+    record_.cyclictest_slices_us.push_back(slice);
   }
   void add_ddsperf(double seconds, SoakFigures& f) {
     if (has_ddsperf_ && !interrupted())

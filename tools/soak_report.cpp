@@ -38,6 +38,15 @@ double on_time(const Tally& late_us) {
   return share(static_cast<std::int64_t>(kept), static_cast<std::int64_t>(late_us.count()));
 }
 
+std::string judged(const SoakCheck& c) {
+  if (!c.known) return "not measured";
+  const int digits = c.at_most ? 3 : 5;
+  std::string text = fixed(c.value, digits) + (c.at_most ? " ≤ " : " ≥ ") + fixed(c.limit, digits);
+  if (c.strays)
+    text += " (by the choice of slices " + fixed(c.strays->low, 2) + " to " + fixed(c.strays->high, 2) + ")";
+  return text;
+}
+
 Json minutes(const SoakRecord& r) {
   Json list = Json::array();
   for (const SoakFigures& m : r.minutes)
@@ -132,8 +141,18 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   j["refused"] = refused;
   j["rss_mb"] = {{"start", rounded(r.first_rss_mb, 2)}, {"end", rounded(r.minutes.back().rss_mb, 2)}};
 
-  checks.push_back({"wake p99 / cyclictest", wake_p99, wake_p99_limit, true, woken || !ticked});
-  checks.push_back({"wake p99.9 / cyclictest", wake_p99_9, wake_p99_9_limit, true, woken || !ticked});
+  const auto strays = [&](double percent) -> std::optional<Interval> {
+    if (!woken) return {};
+    return resampled_ratio(r.wake_slices_us, r.cyclictest_slices_us, percent);
+  };
+  const std::optional<Interval> of_p99 = strays(99), of_p99_9 = strays(99.9);
+  checks.push_back({"wake p99 / cyclictest", wake_p99, wake_p99_limit, true, woken || !ticked, of_p99});
+  checks.push_back(
+      {"wake p99.9 / cyclictest", wake_p99_9, wake_p99_9_limit, true, woken || !ticked, of_p99_9});
+  const auto ends = [](const std::optional<Interval>& i) {
+    return i ? Json{rounded(i->low, 3), rounded(i->high, 3)} : Json();
+  };
+  j["ratio_strays"] = {{"wake_p99", ends(of_p99)}, {"wake_p99_9", ends(of_p99_9)}};
   if (evented) checks.push_back({"event round trip p50 / ddsperf", rtt_p50, rtt_p50_limit, true, pinged});
   checks.push_back(
       {"answered / scheduled", share(both.answered, both.scheduled), answered_limit, false, true});
@@ -196,12 +215,7 @@ void print_soak(const Json& j, const std::vector<SoakCheck>& checks) {
   table.emplace_back("memory",
                      j.at("rss_mb").at("start").dump() + " → " + j.at("rss_mb").at("end").dump() + " MB");
   for (const SoakCheck& c : checks)
-    table.emplace_back(
-        (c.kept()  ? "ok    "
-         : c.known ? "FAIL  "
-                   : "none  ") +
-            c.what,
-        c.known ? fixed(c.value, 3) + (c.at_most ? " ≤ " : " ≥ ") + fixed(c.limit, 3) : "not measured");
+    table.emplace_back((c.kept() ? "ok    " : c.known ? "FAIL  " : "none  ") + c.what, judged(c));
   print(table);
 }
 

@@ -5,10 +5,12 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "tools/public_tools.h"
+#include "tools/resample.h"
 #include "tools/soak_slice.h"
 
 namespace hapticd {
@@ -28,6 +30,7 @@ struct SoakRecord {
   double duration = 0, load = 0;  // [s], [%]
   bool own = true;                // the daemons are: what only they know is known
   SoakFigures all;
+  std::vector<Tally> wake_slices_us, cyclictest_slices_us;  // mode `tick`'s; one each
   std::vector<SoakFigures> minutes;
   double first_rss_mb = 0;                // after the first cycle
   double busy = 0, steal = 0;             // shares of all cores
@@ -40,6 +43,7 @@ struct SoakCheck {
   double value = 0, limit = 0;
   bool at_most = true;
   bool known = true;
+  std::optional<Interval> strays = {};  // resample.h
   bool kept() const { return known && (at_most ? value <= limit : value >= limit); }
 };
 

@@ -64,6 +64,25 @@ TEST(PublicTools, DdsperfsSecondsAreReadAndDoubled) {
   EXPECT_THROW(read_ddsperf("no pong"), std::runtime_error);
 }
 
+// Slices alike have one ratio. Where one of twenty holds all that is late, it is drawn now and then not at all.
+TEST(Resample, ARatioStraysByTheSlicesThatBearIt) {
+  Tally even, late;
+  even.add(10, 990);
+  even.add(20, 10);
+  const std::vector<Tally> alike(20, even);
+  const Interval none = resampled_ratio(alike, alike, 99.5);
+  EXPECT_EQ(none.low, 1);
+  EXPECT_EQ(none.high, 1);
+  late.add(10, 700);
+  late.add(1000, 300);
+  std::vector<Tally> one(19, even);
+  one.push_back(late);
+  const Interval wide = resampled_ratio(one, alike, 99.5);
+  EXPECT_EQ(wide.low, 1);
+  EXPECT_EQ(wide.high, 50);
+  EXPECT_EQ(resampled_ratio({even}, alike, 99).high, 0);
+}
+
 TEST(Soak, DriftIsTheRatioOfMediansEitherWayRound) {
   EXPECT_DOUBLE_EQ(drift({10, 11, 500}, {22, 22, 22}), 2);
   EXPECT_DOUBLE_EQ(drift({22}, {11}), 2);
@@ -117,6 +136,10 @@ TEST(Soak, AShortOneGivesEveryFigureAndAVerdict) {
     EXPECT_TRUE(j.at(key).is_object()) << key;
   for (const char* key : {"wake_p99", "wake_p99_9", "rtt_p50"})
     EXPECT_TRUE(j.at("ratio").contains(key)) << key;
+  for (const char* key : {"wake_p99", "wake_p99_9"})
+    if (const auto& ends = j.at("ratio_strays").at(key); !ends.is_null()) {
+      EXPECT_LE(ends.at(0), ends.at(1)) << key;
+    }
   EXPECT_EQ(j.at("slots").at("scheduled"), 3000);
   EXPECT_GT(j.at("slots").at("answered").get<int>(), 1500);
   EXPECT_EQ(j.at("allocations_in_haptic_code"), 0);

@@ -1,0 +1,21 @@
+// How far a ratio of percentiles strays by which slices of a run there happened to be.
+//
+//   the middle nine tenths of P(ours*) / P(theirs*); ours*, theirs*: as many slices, drawn with replacement
+//
+// (Efron's percentile bootstrap; of whole slices, since what a host takes comes in bursts.) The draws are the
+// same each time. Errors: none; 0 and 0 where one side has fewer than two slices.
+#pragma once
+
+#include <vector>
+
+#include "tools/tally.h"
+
+namespace hapticd {
+
+struct Interval {
+  double low = 0, high = 0;
+};
+
+Interval resampled_ratio(const std::vector<Tally>& ours, const std::vector<Tally>& theirs, double percent);
+
+}  // namespace hapticd
