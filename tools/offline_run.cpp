@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <deque>
 #include <memory>
 #include <stdexcept>
@@ -12,76 +11,14 @@
 #include "physics/tissue/tetrahedron.h"
 #include "server/scene_world.h"
 #include "tools/local_model.h"
+#include "tools/offline_parts.h"
 
 namespace hapticd {
 
 namespace {
 
-constexpr double tick = 1e-3;           // [s]
-constexpr double instant = 1e-9;        // times closer than this are the same [s]
 constexpr double refresh_takes = 2e-3;  // from its pose until it is in use [s]
 constexpr std::int64_t first_ns = 1'000'000'000;
-
-double cpu_seconds() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-// Adds what a piece of work costs this thread.
-class Cost {
- public:
-  Cost(ThreadCost& of, bool counts) : of_(counts ? &of : nullptr), begun_(cpu_seconds()) {}
-  ~Cost() {
-    if (!of_) return;
-    of_->work.push_back(cpu_seconds() - begun_);
-    of_->total += of_->work.back();
-  }
-  Cost(const Cost&) = delete;
-  Cost& operator=(const Cost&) = delete;
-
- private:
-  ThreadCost* of_;
-  double begun_;
-};
-
-InstrumentSample instrument_at(const OfflineInput& input, double t) {
-  InstrumentSample sample;
-  sample.pose = sample_at(input.motion, std::max(t, input.from));
-  if (input.approach > 0 && t < input.from) {
-    constexpr double of_settling = 0.6;
-    const double s = std::clamp((t - input.from + input.settle) / (of_settling * input.settle), 0.0, 1.0);
-    const double smooth =
-        s * s * s * (10 - s * (15 - 6 * s));  // at rest at either end, speed and acceleration
-    sample.pose.p.z() += (1 - smooth) * input.approach;
-  }
-  sample.present = true;
-  return sample;
-}
-
-std::size_t compliance_bytes(const StepReport& report) {
-  std::size_t bytes = 0;
-  for (const BodyReport& b : report.compliance) bytes += b.compliance.memory_bytes;
-  return bytes;
-}
-
-// Removals as time goes on.
-class Removals {
- public:
-  explicit Removals(const RemovalSchedule& schedule) : schedule_(schedule) {}
-
-  // True if something goes.
-  bool apply_until(double t, World& world) {
-    const std::size_t before = next_;
-    for (; next_ < schedule_.size() && schedule_[next_].t <= t + instant; ++next_)
-      world.schedule_removal(schedule_[next_].body, schedule_[next_].tets);
-    return next_ > before;
-  }
-
- private:
-  const RemovalSchedule& schedule_;
-  std::size_t next_ = 0;
-};
 
 // The simulation thread in virtual time.
 class Simulation {
@@ -89,7 +26,7 @@ class Simulation {
   Simulation(const Scene& scene, const OfflineInput& input, const OfflineOptions& options,
              OfflineResult& result)
       : input_(input), options_(options), result_(result), removals_(input.removals), h_(1 / scene.rate) {
-    if (h_ < tick - instant)
+    if (h_ < offline::tick - offline::instant)
       throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
     WorldSettings settings = world_settings(scene);
     settings.compliance_options.warping = options.warping;
@@ -97,8 +34,8 @@ class Simulation {
     settings.fresh_free_motion = options.fresh_free_motion;
     if (options.lead) settings.lead = *options.lead * h_;
     const bool ahead = settings.lead > 0 && settings.contact == Renewal::renewed && options.fresh_free_motion;
-    latch_ = std::min(options.latch_after.value_or(ahead ? 1e-3 : 6e-3), h_ - tick);
-    removal_latch_ = std::min(4e-3, h_ - tick);
+    latch_ = std::min(options.latch_after.value_or(ahead ? 1e-3 : 6e-3), h_ - offline::tick);
+    removal_latch_ = std::min(4e-3, h_ - offline::tick);
     if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;
     world_ = make_world(scene, settings);
     // As the daemon does before its clock starts.
@@ -113,23 +50,24 @@ class Simulation {
     const double publish = std::min(options_.publish_after, h_);
     const double interim = interims_ ? std::min(*options_.interim_after, publish) : publish;
     for (;;) {
-      if (!refreshes_.empty() && refreshes_.front() <= t + instant) {
+      if (!refreshes_.empty() && refreshes_.front() <= t + offline::instant) {
         const double from = refreshes_.front();
         refreshes_.pop_front();
         swapped = refresh(from) || swapped;
         continue;
       }
-      if (!stepped_ && begin_ + interim <= t + instant) {
+      if (!stepped_ && begin_ + interim <= t + offline::instant) {
         swapped = step(begin_) || swapped;
         stepped_ = true;
       }
-      if (!stepped_ || begin_ + publish > t + instant) return swapped;
+      if (!stepped_ || begin_ + publish > t + offline::instant) return swapped;
       std::swap(in_use_, next_);
       in_use_->published_ns = in_ns(begin_ + publish);
       swapped = true;
       stepped_ = false;
       for (const double at : options_.refresh_at)
-        if (interims_ && at * h_ >= publish - instant && at * h_ + refresh_takes <= h_ + instant)
+        if (interims_ && at * h_ >= publish - offline::instant &&
+            at * h_ + refresh_takes <= h_ + offline::instant)
           refreshes_.push_back(begin_ + at * h_ + refresh_takes);
       begin_ = input_.from - input_.settle + static_cast<double>(++count_) * h_;
     }
@@ -148,26 +86,26 @@ class Simulation {
 
   // True if an interim problem is in use now; `next_` is for later.
   bool step(double t) {
-    const bool counts = t >= input_.from - instant;
+    const bool counts = t >= input_.from - offline::instant;
     adopt_bases(t);
     const double latch =
         removals_.apply_until(t + removal_lead, *world_) ? std::max(latch_, removal_latch_) : latch_;
     bool latched = false;
-    const double begun = cpu_seconds();
+    const double begun = offline::cpu_seconds();
     const std::function<CondensedProblem&()> interim = [&]() -> CondensedProblem& {
-      if (counts) result_.interim.work.push_back(cpu_seconds() - begun);
+      if (counts) result_.interim.work.push_back(offline::cpu_seconds() - begun);
       std::swap(in_use_, next_);
       in_use_->published_ns = in_ns(t + std::min(*options_.interim_after, options_.publish_after));
       return *next_;
     };
     {
-      const Cost cost(result_.simulation, counts);
-      report_ =
-          world_->step([&] { return instrument_at(input_, std::exchange(latched, true) ? t + latch : t); },
-                       *next_, interims_ ? interim : nullptr);
+      const offline::Cost cost(result_.simulation, counts);
+      report_ = world_->step(
+          [&] { return offline::instrument_at(input_, std::exchange(latched, true) ? t + latch : t); },
+          *next_, interims_ ? interim : nullptr);
     }
     for (BaseJob& job : world_->wanted_bases()) {
-      const Cost cost(result_.bases, counts);
+      const offline::Cost cost(result_.bases, counts);
       try {
         job.base->make();
       } catch (const std::runtime_error&) {
@@ -179,15 +117,16 @@ class Simulation {
     result_.inverted = std::max(result_.inverted, inverted_tets(world_->bodies()));
     result_.dropped_samples = std::max(result_.dropped_samples, next_->dropped_samples);
     result_.capped += report_.contact.status != SolveStatus::solved;
-    result_.memory_bytes = std::max(
-        result_.memory_bytes, compliance_bytes(report_) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
+    result_.memory_bytes =
+        std::max(result_.memory_bytes,
+                 offline::compliance_bytes(report_) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
     return report_.interim;
   }
 
   // The problem in use made again, to be in use from `t` on. True if it is.
   bool refresh(double t) {
-    const Cost cost(result_.simulation, t >= input_.from - instant);
-    if (!world_->refresh(instrument_at(input_, t - refresh_takes), *next_)) return false;
+    const offline::Cost cost(result_.simulation, t >= input_.from - offline::instant);
+    if (!world_->refresh(offline::instrument_at(input_, t - refresh_takes), *next_)) return false;
     std::swap(in_use_, next_);
     in_use_->published_ns = in_ns(t);
     return true;
@@ -199,14 +138,14 @@ class Simulation {
   }
 
   void adopt_bases(double t) {
-    for (; !bases_.empty() && bases_.front().ready <= t + instant; bases_.pop_front())
+    for (; !bases_.empty() && bases_.front().ready <= t + offline::instant; bases_.pop_front())
       world_->adopt(std::move(bases_.front().job));
   }
 
   const OfflineInput& input_;
   const OfflineOptions& options_;
   OfflineResult& result_;
-  Removals removals_;
+  offline::Removals removals_;
   const double h_;
   double latch_ = 0;
   double removal_latch_ = 0;  // where the factor comes first
@@ -332,16 +271,16 @@ OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const O
   Simulation simulation(scene, input, options, result);
   Haptics haptics(scene, options);
   LocalModel local(options.rendering, scene.instrument, haptic_options(scene).contact, simulation.period());
-  const auto settle = static_cast<int>(std::lround(input.settle / tick));
-  const auto ticks = settle + static_cast<int>(std::lround((input.to - input.from) / tick));
+  const auto settle = static_cast<int>(std::lround(input.settle / offline::tick));
+  const auto ticks = settle + static_cast<int>(std::lround((input.to - input.from) / offline::tick));
   for (int i = 0; i < ticks; ++i) {
-    const double t = input.from + tick * (i - settle);
+    const double t = input.from + offline::tick * (i - settle);
     const bool swapped = simulation.advance(t);
-    const Pose X = instrument_at(input, t).pose;
+    const Pose X = offline::instrument_at(input, t).pose;
     if (swapped) local.publish(t, simulation.problem(), simulation.report().contact);
     OfflineTick out;
     {
-      const Cost cost(result.haptic, i >= settle);
+      const offline::Cost cost(result.haptic, i >= settle);
       out = options.rendering == Rendering::solved ? haptics.step(simulation.problem(), X)
                                                    : tick_of(local.wrench(t, X));
     }
@@ -352,77 +291,6 @@ OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const O
   }
   result.capped += haptics.capped();
   return result;
-}
-
-OfflineResult run_reference(const Scene& scene, const OfflineInput& input, double h,
-                            const OfflineProgress& progress) {
-  Scene exact = scene;
-  exact.rate = 1 / h;
-  exact.compliance = ComplianceMethod::exact;
-  exact.contact = Renewal::renewed;
-  WorldSettings settings = world_settings(exact);
-  settings.lead = 0;  // its problems are for their own time
-  settings.linearisations = 6;
-  settings.coulomb.tolerance = 1e-10;
-  settings.coulomb.max_sweeps = 1000;
-  std::unique_ptr<World> world = make_world(exact, settings);
-  const auto problem = std::make_unique<CondensedProblem>();
-  world->step([] { return InstrumentSample{}; }, *problem);
-
-  OfflineResult result;
-  Removals removals(input.removals);
-  const auto per_tick = static_cast<int>(std::lround(tick / h));
-  const auto settle = static_cast<int>(std::lround(input.settle / h));
-  const auto steps = settle + static_cast<int>(std::lround((input.to - input.from) / h));
-  for (int i = 0; i < steps; ++i) {
-    const double t = input.from + h * (i - settle);
-    removals.apply_until(t, *world);
-    const bool counts = i >= settle;
-    StepReport report;
-    {
-      const Cost cost(result.simulation, counts);
-      report = world->step([&] { return instrument_at(input, t); }, *problem);
-    }
-    result.removed += report.removed;
-    result.inverted = std::max(result.inverted, inverted_tets(world->bodies()));
-    result.dropped_samples = std::max(result.dropped_samples, problem->dropped_samples);
-    result.capped += report.contact.status != SolveStatus::solved;
-    result.memory_bytes = std::max(result.memory_bytes, compliance_bytes(report));
-    if (counts && (i - settle) % per_tick == 0)
-      result.ticks.push_back({t, report.contact.wrench, report.contact.penetration, report.contact.residual,
-                              report.contact.active, true});
-    if (progress && !progress(static_cast<double>(i + 1) / steps)) break;
-  }
-  return result;
-}
-
-RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, int per_step) {
-  constexpr double period = 0.02;
-  Scene cutting = scene;
-  cutting.rate = 1 / period;
-  cutting.removal.rate = per_step / period;
-  cutting.removal.aspiration_max_tets = 0;
-  std::unique_ptr<World> world = make_world(cutting);
-  const auto problem = std::make_unique<CondensedProblem>();
-  RemovalSchedule schedule;
-  std::vector<std::vector<std::uint8_t>> alive;
-  for (const Body& body : world->bodies()) alive.push_back(body.state.alive);
-  const auto steps = static_cast<int>(std::floor((input.to - input.from + input.settle) / period));
-  for (int k = 0; k < steps; ++k) {
-    const double t = input.from - input.settle + period * k;
-    InstrumentSample sample = instrument_at(input, t);
-    sample.phaco = t >= input.from - instant;
-    world->step([&] { return sample; }, *problem);
-    for (std::size_t b = 0; b < alive.size(); ++b) {
-      const auto& now = world->bodies()[b].state.alive;
-      std::vector<int> gone;
-      for (std::size_t e = 0; e < now.size(); ++e)
-        if (alive[b][e] && !now[e]) gone.push_back(static_cast<int>(e));
-      if (!gone.empty()) schedule.push_back({t + removal_lead, static_cast<int>(b), gone});
-      alive[b] = now;
-    }
-  }
-  return schedule;
 }
 
 }  // namespace hapticd
