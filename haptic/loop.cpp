@@ -173,11 +173,21 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   count_page_faults(force);
 }
 
-// The newest state; in mode `tick`, of a client that has been punctual so far, also one that is a little
-// late.
+// Until when a tick that first looks at `now` waits for a state. Behind a stall that counts from the grid point
+// that it is now. Such a stall has mostly held up the client too, which sends what it is late with in a moment:
+// that state would be overtaken by its next one, which is due half a period behind the grid point.
+std::int64_t HapticLoop::waits_until(std::int64_t intended, std::int64_t now) const noexcept {
+  if (timing_.mode == LoopMode::event || timing_.late_state_ns == 0 || answered_in_a_row_ < steady_ticks)
+    return 0;
+  const std::int64_t period = options_.watchdog.period_ns;
+  const std::int64_t late = (now - intended) % period, grid_point = now - late;
+  if (late > period / 2) return 0;
+  return grid_point + std::max(timing_.late_state_ns, late + timing_.behind_stall_ns);
+}
+
+// The newest state, and one that is a little late of a client that has been punctual so far.
 void HapticLoop::take(std::int64_t intended, HapticInput& input) noexcept {
-  const bool waits = timing_.mode == LoopMode::tick && answered_in_a_row_ >= steady_ticks;
-  const std::int64_t until = intended + timing_.late_state_ns - look_again_ns;
+  const std::int64_t until = waits_until(intended, monotonic_ns());
   for (bool first = true;; first = false) {
     input.now_ns = monotonic_ns();
     input.taken = port_.take(input.now_ns, input.sample);
@@ -185,7 +195,7 @@ void HapticLoop::take(std::int64_t intended, HapticInput& input) noexcept {
     input.presence = {seen.connected, input.presence.new_client || seen.new_client,
                       input.presence.conflict || seen.conflict};
     if (input.taken && !first) add(statistics_.late_states, std::uint64_t{1});
-    if (input.taken || !waits || !seen.connected || input.now_ns > until) break;
+    if (input.taken || !seen.connected || input.now_ns + look_again_ns > until) break;
     sleep_until(input.now_ns + look_again_ns);
   }
   answered_in_a_row_ = input.taken ? std::min(answered_in_a_row_ + 1, steady_ticks) : 0;

@@ -42,8 +42,9 @@ class Slices {
 
 }  // namespace
 
-Interval resampled_ratio(const std::vector<Tally>& ours, const std::vector<Tally>& theirs, double percent) {
-  if (ours.size() < 2 || theirs.size() < 2) return {};
+std::optional<Interval> resampled_ratio(const std::vector<Tally>& ours, const std::vector<Tally>& theirs,
+                                        double percent) {
+  if (ours.size() < 2 || theirs.size() < 2) return std::nullopt;
   const Slices a(ours), b(theirs);
   std::mt19937_64 random(1);
   std::vector<double> ratios;
@@ -51,12 +52,12 @@ Interval resampled_ratio(const std::vector<Tally>& ours, const std::vector<Tally
     const double over = a.drawn_percentile(random, percent), under = b.drawn_percentile(random, percent);
     if (under > 0) ratios.push_back(over / under);
   }
-  if (ratios.empty()) return {};
+  if (ratios.empty()) return std::nullopt;
   std::sort(ratios.begin(), ratios.end());
   const auto at = [&](double share) {
     return ratios[static_cast<std::size_t>(share * static_cast<double>(ratios.size() - 1))];
   };
-  return {at(left_out), at(1 - left_out)};
+  return Interval{at(left_out), at(1 - left_out)};
 }
 
 }  // namespace hapticd

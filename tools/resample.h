@@ -3,9 +3,10 @@
 //   the middle nine tenths of P(ours*) / P(theirs*); ours*, theirs*: as many slices, drawn with replacement
 //
 // (Efron's percentile bootstrap; of whole slices, since what a host takes comes in bursts.) The draws are the
-// same each time. Errors: none; 0 and 0 where one side has fewer than two slices.
+// same each time. Errors: none; nothing where a side has fewer than two slices, or every draw of theirs is 0.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "tools/tally.h"
@@ -16,6 +17,7 @@ struct Interval {
   double low = 0, high = 0;
 };
 
-Interval resampled_ratio(const std::vector<Tally>& ours, const std::vector<Tally>& theirs, double percent);
+std::optional<Interval> resampled_ratio(const std::vector<Tally>& ours, const std::vector<Tally>& theirs,
+                                        double percent);
 
 }  // namespace hapticd

@@ -142,8 +142,7 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   j["rss_mb"] = {{"start", rounded(r.first_rss_mb, 2)}, {"end", rounded(r.minutes.back().rss_mb, 2)}};
 
   const auto strays = [&](double percent) -> std::optional<Interval> {
-    if (!woken) return {};
-    return resampled_ratio(r.wake_slices_us, r.cyclictest_slices_us, percent);
+    return woken ? resampled_ratio(r.wake_slices_us, r.cyclictest_slices_us, percent) : std::nullopt;
   };
   const std::optional<Interval> of_p99 = strays(99), of_p99_9 = strays(99.9);
   checks.push_back({"wake p99 / cyclictest", wake_p99, wake_p99_limit, true, woken || !ticked, of_p99});

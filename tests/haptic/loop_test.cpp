@@ -1,6 +1,10 @@
 #include "haptic/loop.h"
 
+#include <pthread.h>
+
+#include <atomic>
 #include <chrono>
+#include <csignal>
 #include <functional>
 #include <thread>
 #include <vector>
@@ -190,6 +194,67 @@ TEST_F(Loop, AStateThatDoesNotComeIsWaitedForOnceAndNotBeyondItsTime) {
   EXPECT_EQ(s.late_states.load(), 0u);
   EXPECT_LE(late.takes - 50 - silent, 7);  // 0.35 ms, looked at each 0.05
   EXPECT_EQ(late.written.size(), s.run.load() + 1);
+}
+
+// Holds up the loop's thread in its sleep, by a signal whose handler computes until `stalled_until`. The client is
+// held up too: its next state comes 60 µs later.
+std::atomic<std::int64_t> stalled_until{0};
+
+class StalledPort final : public DevicePort {
+ public:
+  bool take(std::int64_t now_ns, DeviceSample& sample) noexcept override {
+    if (now_ns < stalled_until.load() + 60'000) return false;
+    sample = {};
+    sample.sequence = ++states_;
+    sample.received_ns = now_ns;
+    sample.enable = true;
+    return true;
+  }
+  std::int64_t await(std::int64_t) noexcept override { return 0; }
+  Presence presence() const noexcept override { return {.connected = true, .new_client = states_ == 1}; }
+  void write(const ForceSample&) noexcept override {}
+
+ private:
+  std::uint64_t states_ = 0;
+};
+
+// Ten stalls of 2 to 3 ms, each until that share of a period behind a grid point: how many states were waited for.
+std::uint64_t late_states_behind_stalls(HapticLoop& loop, double share) {
+  std::signal(SIGUSR1, [](int) {
+    while (monotonic_ns() < stalled_until.load()) {
+    }
+  });
+  pthread_t thread{};
+  std::atomic<bool> known{false};
+  stalled_until = 0;
+  loop.start([&] {
+    thread = pthread_self();
+    known = true;
+  });
+  while (!known) std::this_thread::yield();
+  for (int i = 0; i < 10; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    const std::int64_t now = monotonic_ns(), into = (now - loop.statistics().first_ns.load()) % ms;
+    stalled_until = now - into + 3 * ms + static_cast<std::int64_t>(share * ms);
+    pthread_kill(thread, SIGUSR1);
+  }
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  loop.stop();
+  return loop.statistics().late_states.load();
+}
+
+TEST_F(Loop, BehindAStallTheStateThatComesInAMomentIsAnswered) {
+  for (const double share : {0.1, 0.4}) {
+    StalledPort stalled;
+    HapticLoop loop(instrument, device, options, stalled, problems, inputs, history);
+    EXPECT_GE(late_states_behind_stalls(loop, share), 5u) << share;  // not 10: the machine may hold up more
+  }
+}
+
+TEST_F(Loop, BehindAStallInTheSecondHalfOfAPeriodTheNextStateComesInTime) {
+  StalledPort stalled;
+  HapticLoop loop(instrument, device, options, stalled, problems, inputs, history);
+  EXPECT_LE(late_states_behind_stalls(loop, 0.7), 2u);
 }
 
 TEST_F(Loop, ClientsAtAnotherRateOrGoneAreNotWaitedFor) {
