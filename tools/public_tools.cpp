@@ -96,7 +96,7 @@ Tally run_cyclictest(double seconds, int core, int priority, const std::string& 
   return read_cyclictest(content(file));
 }
 
-PingFigures run_ddsperf(double seconds, int core, int domain, const std::string& scratch) {
+PingFigures run_ddsperf(double seconds, int pong_core, int ping_core, int domain, const std::string& scratch) {
   const std::string profile = realtime_allowed() ? "loopback_realtime" : "loopback";
   const std::string uri =
       "CYCLONEDDS_URI=file://" + config_file("dds/" + profile + ".xml").string();
@@ -106,13 +106,14 @@ PingFigures run_ddsperf(double seconds, int core, int domain, const std::string&
               .output = scratch + "/ddsperf_pong.txt",
               .environment = {uri},
               .fifo_priority = haptic_priority,
-              .core = core});
+              .core = pong_core});
   usleep(300'000);
   Child ping({.command = {"ddsperf", "-i", id, "-u", "-D", std::to_string(whole), "ping", "1kHz", "size",
                           std::to_string(sizeof(hapticd_msg_DeviceState))},
               .output = file,
               .environment = {uri},
-              .fifo_priority = ClientSettings{}.fifo_priority});
+              .fifo_priority = ClientSettings{}.fifo_priority,
+              .core = ping_core});
   for (double t = 0; ping.running() && t < whole + 8 && !interrupted(); t += 0.05) usleep(50'000);
   return read_ddsperf(content(file));
 }

@@ -32,6 +32,6 @@ PingFigures read_ddsperf(const std::string& output);
 
 // Blocking; `scratch` is a directory for their outputs.
 Tally run_cyclictest(double seconds, int core, int priority, const std::string& scratch);
-PingFigures run_ddsperf(double seconds, int core, int domain, const std::string& scratch);
+PingFigures run_ddsperf(double seconds, int pong_core, int ping_core, int domain, const std::string& scratch);
 
 }  // namespace hapticd

@@ -10,7 +10,6 @@
 #include <iterator>
 #include <memory>
 #include <stdexcept>
-#include <thread>
 
 #include "server/input_error.h"
 #include "server/paths.h"
@@ -49,7 +48,8 @@ class Soak {
         load_(options.load / 100),
         of_tick_(*trajectory_of(scene)),
         of_event_(trajectory_),
-        core_(std::max(1, static_cast<int>(std::thread::hardware_concurrency())) - 1) {
+        core_(process_cores().back()),
+        client_core_(process_cores().front()) {
     has_cyclictest_ = is_installed("cyclictest") && realtime_allowed();  // it ends without that right
     has_ddsperf_ = is_installed("ddsperf");
     tool_domain_ = options.client.domain + 2;
@@ -121,13 +121,13 @@ class Soak {
   bool attached(bool to_event) const { return options_.attach && (options_.mode == "event") == to_event; }
   void add_tick(double seconds, SoakFigures& f) {
     if (!tick_ && !attached(false)) return;
-    const ServerFigures slice = client_slice(options_.client, tick_.get(), of_tick_, seconds);
+    const ServerFigures slice = client_slice(options_.client, client_core_, tick_.get(), of_tick_, seconds);
     f.tick.merge(slice);
     record_.wake_slices_us.push_back(slice.wake_us);
   }
   void add_event(double seconds, SoakFigures& f) {
     if (event_ || attached(true))
-      f.event.merge(client_slice(options_.client, event_.get(), of_event_, seconds));
+      f.event.merge(client_slice(options_.client, client_core_, event_.get(), of_event_, seconds));
   }
   void add_cyclictest(double seconds, SoakFigures& f) {
     if (!has_cyclictest_ || interrupted()) return;
@@ -138,7 +138,7 @@ class Soak {
   }
   void add_ddsperf(double seconds, SoakFigures& f) {
     if (has_ddsperf_ && !interrupted())
-      f.ddsperf.merge(run_ddsperf(seconds, core_, static_cast<int>(tool_domain_), scratch_.string()));
+      f.ddsperf.merge(run_ddsperf(seconds, core_, client_core_, static_cast<int>(tool_domain_), scratch_.string()));
   }
 
   SoakOptions options_;
@@ -146,7 +146,8 @@ class Soak {
   Load load_;  // before anything makes threads
   Trajectory trajectory_;
   SwingSource of_tick_, of_event_;  // each daemon's motion goes on where it was
-  int core_;
+  int core_;         // of the haptic thread, cyclictest and pong
+  int client_core_;  // of the client and ping: a round trip across cores costs up to twice one on a core
   std::uint32_t tool_domain_ = 0;
   bool has_cyclictest_ = false, has_ddsperf_ = false;
   std::unique_ptr<SoakDaemon> tick_, event_;

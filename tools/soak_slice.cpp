@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "server/realtime.h"
+
 namespace hapticd {
 namespace {
 
@@ -88,7 +90,7 @@ nlohmann::ordered_json to_json(const ServerFigures& f) {
   return j;
 }
 
-ServerFigures client_slice(const ClientSettings& settings, SoakDaemon* server, SwingSource& source,
+ServerFigures client_slice(const ClientSettings& settings, int core, SoakDaemon* server, SwingSource& source,
                            double seconds) {
   SessionOptions options;
   options.client = settings;
@@ -100,6 +102,7 @@ ServerFigures client_slice(const ClientSettings& settings, SoakDaemon* server, S
   const std::int64_t margin = 200;  // slots before the end at which the figures are asked for
   ServerFigures figures;
   {
+    const ScopedCore here(core);  // and every thread that the session makes
     Session session(options, slots);
     nlohmann::json before, after;
     session.client.run(source, [&](std::int64_t reached) {

@@ -46,8 +46,8 @@ class SwingSource final : public SlotSource {
   double offset_ms_ = 0, reached_ms_ = 0;
 };
 
-// daemon: ours, or null: the one that runs in the settings' domain.
-ServerFigures client_slice(const ClientSettings& settings, SoakDaemon* daemon, SwingSource& source,
+// daemon: ours, or null: the one that runs in the settings' domain. The client's threads are on `core`.
+ServerFigures client_slice(const ClientSettings& settings, int core, SoakDaemon* daemon, SwingSource& source,
                            double seconds);
 
 }  // namespace hapticd
