@@ -163,6 +163,7 @@ void Diagnostics::start(const std::vector<Grant>& grants, std::optional<int> rea
   thread_ = std::thread([this, realtime_core] {
     name_thread("diagnostics");
     if (realtime_core) leave_core(*realtime_core);
+    use_fifo(dds_priority);  // where that is refused it is to the haptic loop too, which has said so
     prefault_heap(sample_heap);
     run();
   });

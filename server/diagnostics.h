@@ -1,4 +1,4 @@
-// The thread that talks: status, scene and recording, at ordinary priority, fed by queues and channels.
+// The thread that talks: status, scene and recording, at `dds_priority`, fed by queues and channels.
 //
 //   10 Hz   ServerStatus            from the loop's statistics and the newest snapshot
 //   10 Hz   ServerHealth            while somebody listens (health.h)

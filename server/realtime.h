@@ -20,6 +20,11 @@ struct Grant {
 // The haptic loop's priority, the highest that the daemon uses.
 inline constexpr int haptic_priority = 80;
 
+// Of every other thread that calls Cyclone, as of Cyclone's own that are not in a sample's way (config/dds). All
+// of them share locks with the haptic loop, which inherit no priority: an ordinary thread that is put aside
+// while it holds one stops the loop for as long as the machine is busy.
+inline constexpr int dds_priority = 45;
+
 // Whether this process may use SCHED_FIFO up to that priority, tried on a thread that ends at once.
 bool realtime_allowed();
 

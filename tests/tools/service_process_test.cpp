@@ -1,5 +1,6 @@
 // The daemon as a service: what its manager hears, and what a reload does to a force that is being felt.
 #include <fcntl.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/un.h>
@@ -20,6 +21,7 @@
 #include "haptic/loop.h"
 #include "server/dds.h"
 #include "server/log.h"
+#include "server/realtime.h"
 #include "tests/support/process.h"
 #include "tests/tools/run_command.h"
 
@@ -92,6 +94,21 @@ int thread_named(int process, const std::string& name) {
     if (in >> comm && comm == name) return std::stoi(task.path().filename());
   }
   return 0;
+}
+
+// Else an ordinary program that puts it aside while it holds a lock of Cyclone's stops the haptic loop.
+TEST_F(ServiceDaemon, WhoCallsCycloneBesideTheHapticLoopRunsInRealTime) {
+  if (!realtime_allowed()) GTEST_SKIP() << "SCHED_FIFO is not permitted";
+  ChildProcess daemon(command(), scratch_.file("log"));
+  hear(20'000 * ms, "READY=1");
+  for (const char* name : {"diagnostics", "gc", "dq.builtins"}) {
+    const int thread = thread_named(daemon.pid(), name);
+    ASSERT_NE(thread, 0) << name;
+    sched_param param{};
+    sched_getparam(thread, &param);
+    EXPECT_EQ(sched_getscheduler(thread), SCHED_FIFO) << name;
+    EXPECT_EQ(param.sched_priority, dds_priority) << name;
+  }
 }
 
 TEST_F(ServiceDaemon, ItIsReadyPingsReloadsAndSaysThatItStops) {
