@@ -173,9 +173,9 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   count_page_faults(force);
 }
 
-// Until when a tick that first looks at `now` waits for a state. Behind a stall that counts from the grid point
-// that it is now. Such a stall has mostly held up the client too, which sends what it is late with in a moment:
-// that state would be overtaken by its next one, which is due half a period behind the grid point.
+// Until when a tick that first looks at `now` waits for a state. Behind a stall that counts from the grid
+// point that it is now. Such a stall has mostly held up the client too, which sends what it is late with in a
+// moment: that state would be overtaken by its next one, which is due half a period behind the grid point.
 std::int64_t HapticLoop::waits_until(std::int64_t intended, std::int64_t now) const noexcept {
   if (timing_.mode == LoopMode::event || timing_.late_state_ns == 0 || answered_in_a_row_ < steady_ticks)
     return 0;

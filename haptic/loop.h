@@ -57,8 +57,8 @@ enum class LoopMode : std::uint8_t { tick, event };
 
 struct LoopTiming {
   LoopMode mode = LoopMode::tick;
-  std::int64_t min_answer_ns = 500'000;  // event: between two answers
-  std::int64_t late_state_ns = 350'000;  // tick: how long a state that is late is waited for; 0: not at all
+  std::int64_t min_answer_ns = 500'000;    // event: between two answers
+  std::int64_t late_state_ns = 350'000;    // tick: how long a state that is late is waited for; 0: not at all
   std::int64_t behind_stall_ns = 150'000;  // tick: … at least, by a tick that is late itself
 };
 

@@ -96,10 +96,10 @@ Tally run_cyclictest(double seconds, int core, int priority, const std::string& 
   return read_cyclictest(content(file));
 }
 
-PingFigures run_ddsperf(double seconds, int pong_core, int ping_core, int domain, const std::string& scratch) {
+PingFigures run_ddsperf(double seconds, int pong_core, int ping_core, int domain,
+                        const std::string& scratch) {
   const std::string profile = realtime_allowed() ? "loopback_realtime" : "loopback";
-  const std::string uri =
-      "CYCLONEDDS_URI=file://" + config_file("dds/" + profile + ".xml").string();
+  const std::string uri = "CYCLONEDDS_URI=file://" + config_file("dds/" + profile + ".xml").string();
   const int whole = std::max(1, static_cast<int>(seconds));
   const std::string id = std::to_string(domain), file = scratch + "/ddsperf.txt";
   Child pong({.command = {"ddsperf", "-i", id, "-u", "-D", std::to_string(whole + 10), "pong"},

@@ -138,7 +138,8 @@ class Soak {
   }
   void add_ddsperf(double seconds, SoakFigures& f) {
     if (has_ddsperf_ && !interrupted())
-      f.ddsperf.merge(run_ddsperf(seconds, core_, client_core_, static_cast<int>(tool_domain_), scratch_.string()));
+      f.ddsperf.merge(
+          run_ddsperf(seconds, core_, client_core_, static_cast<int>(tool_domain_), scratch_.string()));
   }
 
   SoakOptions options_;
@@ -146,8 +147,9 @@ class Soak {
   Load load_;  // before anything makes threads
   Trajectory trajectory_;
   SwingSource of_tick_, of_event_;  // each daemon's motion goes on where it was
-  int core_;         // of the haptic thread, cyclictest and pong
-  int client_core_;  // of the client and ping: a round trip across cores costs up to twice one on a core
+  // Of the haptic thread, cyclictest and pong; of the client and ping: a round trip within a core costs half
+  // as much.
+  int core_, client_core_;
   std::uint32_t tool_domain_ = 0;
   bool has_cyclictest_ = false, has_ddsperf_ = false;
   std::unique_ptr<SoakDaemon> tick_, event_;

@@ -196,8 +196,8 @@ TEST_F(Loop, AStateThatDoesNotComeIsWaitedForOnceAndNotBeyondItsTime) {
   EXPECT_EQ(late.written.size(), s.run.load() + 1);
 }
 
-// Holds up the loop's thread in its sleep, by a signal whose handler computes until `stalled_until`. The client is
-// held up too: its next state comes 60 µs later.
+// Holds up the loop's thread in its sleep, by a signal whose handler computes until `stalled_until`. The
+// client is held up too: its next state comes 60 µs later.
 std::atomic<std::int64_t> stalled_until{0};
 
 class StalledPort final : public DevicePort {
@@ -218,7 +218,8 @@ class StalledPort final : public DevicePort {
   std::uint64_t states_ = 0;
 };
 
-// Ten stalls of 2 to 3 ms, each until that share of a period behind a grid point: how many states were waited for.
+// Ten stalls of 2 to 3 ms, each until that share of a period behind a grid point: how many states were waited
+// for.
 std::uint64_t late_states_behind_stalls(HapticLoop& loop, double share) {
   std::signal(SIGUSR1, [](int) {
     while (monotonic_ns() < stalled_until.load()) {
