@@ -100,10 +100,19 @@ void HapticLoop::run_on_grid() noexcept {
   std::int64_t intended = monotonic_ns() + options_.watchdog.period_ns;
   statistics_.first_ns.store(intended, relaxed);
   while (!stopping_.load(relaxed)) {
-    sleep_until(intended);
+    wait_for(intended);
     tick(intended);
     intended = next_slot(intended);
   }
+}
+
+// Sleeps for most of it: reading the clock keeps Cyclone's threads off this core.
+void HapticLoop::wait_for(std::int64_t intended) noexcept {
+  const std::int64_t early = intended - timing_.early_ns;
+  sleep_until(early);
+  std::int64_t now = monotonic_ns();
+  statistics_.timer.record(now - early);
+  while (now < intended) now = monotonic_ns();
 }
 
 void HapticLoop::run_on_arrivals() noexcept {
@@ -268,8 +277,10 @@ std::int64_t HapticLoop::next_slot(std::int64_t intended) noexcept {
   std::int64_t next = intended + period;
   if (ended > next) {
     const std::int64_t missed = (ended - next) / period + 1;
-    for (std::int64_t i = 0; i < std::min(missed, max_recorded_misses); ++i)
+    for (std::int64_t i = 0; i < std::min(missed, max_recorded_misses); ++i) {
       statistics_.wake.record(ended - next - i * period);
+      if (timing_.mode == LoopMode::tick) statistics_.timer.record(ended - next - i * period);
+    }
     next += missed * period;
     add(statistics_.deadline_misses, std::uint64_t{1});
     add(statistics_.missed, static_cast<std::uint64_t>(missed));

@@ -2,14 +2,15 @@
 //
 //   every 1 ms, or for each state that arrives:  take → haptic_step → write → publish the instrument → count
 //
-// Mode `tick`: clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME) on the grid t₀ + k T. A tick that ends after
-// later grid points leaves them out (they are counted as missed) and goes on at the next one: no
-// catch-up bursts. All latencies count from the grid point. A client that has sent a state for each of the
-// last ticks is waited for when one is late, at most `late_state_ns` from the grid point: that slot's force
-// is late then, and answers its state; without that, a client late by more than half a period (states are
-// best sent half a period before the tick) loses a slot. Wait and solve's budget fit in a period. A tick
-// that is late itself waits `behind_stall_ns` at least, in the first half of a period: what held it up held
-// up the client, and of that client's two next states only the second would be answered.
+// Mode `tick`: clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME) on the grid t₀ + k T, `early_ns` before each
+// point; what is left is waited for by reading the clock, so a timer late by less than that makes no tick
+// late. A tick that ends after later grid points leaves them out (they are counted as missed) and goes on at
+// the next one: no catch-up bursts. All latencies count from the grid point. A client that has sent a state
+// for each of the last ticks is waited for when one is late, at most `late_state_ns` from the grid point:
+// that slot's force is late then, and answers its state; without that, a client late by more than half a
+// period (states are best sent half a period before the tick) loses a slot. Wait and solve's budget fit in a
+// period. A tick that is late itself waits `behind_stall_ns` at least, in the first half of a period: what
+// held it up held up the client, and of that client's two next states only the second would be answered.
 // Mode `event`: a tick for each arrival, at least `min_answer_ns` after the one before, so that a flood is
 // answered at 2 kHz and no faster; without arrivals a tick 1.5 T after the last arrival's (a client at 1 kHz
 // is a little early or late each time) and then each T. A tick's intended time is the arrival, or the end of
@@ -57,6 +58,7 @@ enum class LoopMode : std::uint8_t { tick, event };
 
 struct LoopTiming {
   LoopMode mode = LoopMode::tick;
+  std::int64_t early_ns = 50'000;          // tick: the thread wakes before a grid point; 0: at it
   std::int64_t min_answer_ns = 500'000;    // event: between two answers
   std::int64_t late_state_ns = 350'000;    // tick: how long a state that is late is waited for; 0: not at all
   std::int64_t behind_stall_ns = 150'000;  // tick: … at least, by a tick that is late itself
@@ -99,6 +101,7 @@ class HapticLoop {
  private:
   void run() noexcept;
   void run_on_grid() noexcept;
+  void wait_for(std::int64_t intended_ns) noexcept;
   void run_on_arrivals() noexcept;
   void tick(std::int64_t intended_ns) noexcept;
   std::int64_t waits_until(std::int64_t intended_ns, std::int64_t now_ns) const noexcept;

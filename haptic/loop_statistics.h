@@ -6,8 +6,8 @@
 // start; run: ticks executed, each sends one force; missed: slots that passed during a late or long tick and
 // are not made up for; deadline_misses: ticks that ended after the next intended wake-up (one such tick may
 // miss many slots); answered: ticks with a new valid device state; late_states: ticks that had to wait for
-// theirs (loop.h). Missed slots enter `wake` with the time that they waited until the tick in their way was
-// over, so a stall cannot hide (no coordinated omission).
+// theirs (loop.h). Missed slots enter `wake` and `timer` with the time that they waited until the tick in
+// their way was over, so a stall cannot hide (no coordinated omission).
 // Thread safety: the loop's thread alone writes; all reads are relaxed and may lag.
 #pragma once
 
@@ -17,6 +17,7 @@ namespace hapticd {
 
 struct LoopStatistics {
   Histogram wake;         // lateness against the intended time
+  Histogram timer;        // of the thread's sleep, mode `tick`: what of it is more than the loop is early
   Histogram solve;        // the whole haptic step, ticks with a contact solve
   Histogram write;        // handing the force to the device port
   Histogram interval;     // from one tick's beginning to the next's

@@ -56,8 +56,8 @@ struct SceneSnapshot {
 void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>& bits);
 
 // The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
-// slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, solve_us, write_us,
-// interval_us, state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,
+// slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, timer_us, solve_us,
+// write_us, interval_us, state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,
 // penetration_max_um, states_rejected, conflicts, solver_caps, page_faults; wake_histogram and likewise for
 // the others ([[middle of a bin in µs, count], …], so that a caller can subtract two summaries).
 nlohmann::json loop_summary(const LoopStatistics& statistics);

@@ -16,6 +16,7 @@ Tally difference(const nlohmann::json& after, const nlohmann::json& before, cons
 ServerFigures between(const nlohmann::json& before, const nlohmann::json& after) {
   ServerFigures f;
   f.wake_us = difference(after, before, "wake_histogram");
+  f.timer_us = difference(after, before, "timer_histogram");
   f.solve_us = difference(after, before, "solve_histogram");
   f.write_us = difference(after, before, "write_histogram");
   f.interval_us = difference(after, before, "interval_histogram");
@@ -54,6 +55,7 @@ void add_answers(const DeviceClient& client, ServerFigures& f, bool all) {
 
 void ServerFigures::merge(const ServerFigures& o) {
   wake_us.merge(o.wake_us);
+  timer_us.merge(o.timer_us);
   solve_us.merge(o.solve_us);
   write_us.merge(o.write_us);
   interval_us.merge(o.interval_us);
@@ -76,6 +78,7 @@ nlohmann::ordered_json to_json(const ServerFigures& f) {
   j["seconds"] = rounded(f.seconds, 2);
   j["slots"] = {{"scheduled", f.scheduled}, {"sent", f.sent}, {"answered", f.answered}};
   j["wake_us"] = to_json(f.wake_us);
+  j["timer_us"] = to_json(f.timer_us);
   j["compute_us"] = to_json(f.solve_us);
   j["dds_write_us"] = to_json(f.write_us);
   j["state_age_us"] = to_json(f.state_age_us);

@@ -130,6 +130,19 @@ TEST_F(Loop, EveryTickIsAnsweredRecordedAndCounted) {
   EXPECT_EQ(inputs.front().sequence, s.run.load());
 }
 
+TEST_F(Loop, WakesEarlyAndBeginsOnTime) {
+  HapticLoop loop(instrument, device, options, port, problems, inputs, history, {.early_ns = ms / 2});
+  run(loop, 300);
+  const LoopStatistics& s = loop.statistics();
+  ASSERT_GT(s.run.load(), 100u);
+  ForceRecord record;
+  while (history.pop(record)) EXPECT_GE(record.force.wake_ns, 0);  // never before its time
+  // Of wake-ups, half were late by less than half a millisecond; nothing is left of that.
+  EXPECT_GT(s.timer.snapshot().percentile(50), 1'000);
+  EXPECT_LT(s.wake.snapshot().percentile(50), 1'000);
+  EXPECT_EQ(s.timer.snapshot().count, s.wake.snapshot().count);
+}
+
 // Sends a state for each tick, with number `sequence`, but for those that `late` says how late they come
 // [ns]; negative: never.
 class LatePort final : public DevicePort {

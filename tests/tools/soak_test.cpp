@@ -64,7 +64,8 @@ TEST(PublicTools, DdsperfsSecondsAreReadAndDoubled) {
   EXPECT_THROW(read_ddsperf("no pong"), std::runtime_error);
 }
 
-// Slices alike have one ratio. Where one of twenty holds all that is late, it is drawn now and then not at all.
+// Slices alike have one ratio. Where one of twenty holds all that is late, it is drawn now and then not at
+// all.
 TEST(Resample, ARatioStraysByTheSlicesThatBearIt) {
   Tally even, late;
   even.add(10, 990);
@@ -89,8 +90,8 @@ TEST(Soak, DriftIsTheRatioOfMediansEitherWayRound) {
   EXPECT_DOUBLE_EQ(drift({}, {11}), 1);
 }
 
-// Ten minutes in which the round trip doubles and the memory grows by a megabyte a minute; cyclictest's tail
-// grows as ours does, so that is the machine's.
+// Ten minutes in which the round trip doubles, the timer's tail quadruples, and the memory grows by a
+// megabyte a minute; cyclictest's tail doubles as that of the wake-ups does, so that is the machine's.
 TEST(Soak, DriftIsJudgedAgainstThePublicToolsAndMemoryByItsThirds) {
   SoakRecord record;
   for (int minute = 0; minute < 10; ++minute) {
@@ -98,6 +99,8 @@ TEST(Soak, DriftIsJudgedAgainstThePublicToolsAndMemoryByItsThirds) {
     const double slow = minute < 5 ? 1 : 2;
     m.tick.wake_us.add(15, 1000);
     m.tick.wake_us.add(30 * slow, 30);
+    m.tick.timer_us.add(15, 1000);
+    m.tick.timer_us.add(80 * slow * slow, 30);
     m.cyclictest_us.add(15, 1000);
     m.cyclictest_us.add(40 * slow, 30);
     m.tick.solve_us.add(20, 1000);
@@ -113,11 +116,13 @@ TEST(Soak, DriftIsJudgedAgainstThePublicToolsAndMemoryByItsThirds) {
   EXPECT_EQ(drift.at("wake_p50"), 1);
   EXPECT_EQ(drift.at("wake_p99"), 2);
   EXPECT_EQ(drift.at("wake_p99_of_the_tool"), 2);
+  EXPECT_EQ(drift.at("timer_p99"), 4);
   EXPECT_EQ(drift.at("rtt_p50"), 2);
   EXPECT_EQ(drift.at("memory_growth_mb"), 7);
   for (const SoakCheck& c : checks)
-    EXPECT_EQ(c.kept(),
-              c.what.find("round trip") == std::string::npos && c.what.find("memory") == std::string::npos)
+    EXPECT_EQ(c.kept(), c.what.find("round trip") == std::string::npos &&
+                            c.what.find("memory") == std::string::npos &&
+                            c.what.find("timer p99,") == std::string::npos)
         << c.what;
   record.minutes.resize(2);
   EXPECT_TRUE(check_drift(record, checks).is_null());
@@ -131,7 +136,7 @@ TEST(Soak, AShortOneGivesEveryFigureAndAVerdict) {
   std::ifstream in(json);
   ASSERT_TRUE(in) << r.output;
   const nlohmann::json j = nlohmann::json::parse(in);
-  for (const char* key : {"slots", "wake_us", "cyclictest_us", "rtt_us", "ddsperf_us", "ratio",
+  for (const char* key : {"slots", "wake_us", "timer_us", "cyclictest_us", "rtt_us", "ddsperf_us", "ratio",
                           "state_age_us", "problem_age_ms", "compute_us", "dds_write_us", "rss_mb"})
     EXPECT_TRUE(j.at(key).is_object()) << key;
   for (const char* key : {"wake_p99", "wake_p99_9", "rtt_p50"})
