@@ -27,6 +27,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       grants_(process_grants()),
       realtime_core_(process_cores().back()),
       simulation_core_(process_cores().front()),
+      quiet_core_(realtime_core_),
       on_realtime_core_(std::in_place, realtime_core_),
       domain_(options.domain, default_dds_profile()),
       participant_(domain_, options.security) {
@@ -42,6 +43,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
   add(scene.device);
   for (const DeviceSettings& device : scene.more_devices) add(device);
   grants_.push_back(latency_.grant());
+  grants_.push_back(quiet_core_.grant());
 }
 
 Daemon::~Daemon() { stop(); }

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "server/metrics.h"
+#include "server/quiet_core.h"
 #include "server/station.h"
 
 namespace hapticd {
@@ -55,6 +56,7 @@ class Daemon {
   CpuLatency latency_;
   // The last and the first of those that the process may use.
   int realtime_core_, simulation_core_;
+  QuietCore quiet_core_;
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;

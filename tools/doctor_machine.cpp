@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <fstream>
 
+#include "server/quiet_core.h"
 #include "server/realtime.h"
 #include "tools/doctor.h"
 
@@ -52,6 +53,17 @@ Finding cores() {
   return {"cores", Health::warn, "1 core for both loops", "give it two: CPUAffinity= in the unit, taskset"};
 }
 
+// Moved as the daemon moves them, and given back at once.
+Finding kernel_threads() {
+  const int core = process_cores().back();
+  const Grant grant = QuietCore(core).grant();
+  if (grant.granted)
+    return {"kernel threads", Health::pass, "may all be kept off core " + std::to_string(core), ""};
+  return {"kernel threads", Health::warn,
+          "may run on core " + std::to_string(core) + ": wake-ups can be late by half a millisecond",
+          grant.detail};
+}
+
 Finding scheduling() {
   rlimit limit{};
   getrlimit(RLIMIT_RTPRIO, &limit);
@@ -83,7 +95,8 @@ Finding memory() {
   // What a scene of the published size holds, with its stacks.
   constexpr rlim_t wanted = rlim_t{512} << 20;
   const bool enough = limit.rlim_cur == RLIM_INFINITY || limit.rlim_cur >= wanted || privileged;
-  const std::string found = "RLIMIT_MEMLOCK " + limit_text(limit.rlim_cur) + (privileged ? ", CAP_IPC_LOCK" : "");
+  const std::string found =
+      "RLIMIT_MEMLOCK " + limit_text(limit.rlim_cur) + (privileged ? ", CAP_IPC_LOCK" : "");
   if (enough) return {"memory lock", Health::pass, found, ""};
   return {"memory lock", Health::warn, found + " bytes: pages can be taken away in the loop",
           "as a service LimitMEMLOCK=infinity is set; else '@GROUP - memlock unlimited' in "
@@ -139,7 +152,7 @@ Finding blas() {
 }  // namespace
 
 std::vector<Finding> check_machine() {
-  return {kernel(), cores(), scheduling(), memory(), clock(), idle(), governor(), blas()};
+  return {kernel(), cores(), kernel_threads(), scheduling(), memory(), clock(), idle(), governor(), blas()};
 }
 
 }  // namespace hapticd
