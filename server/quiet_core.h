@@ -3,8 +3,9 @@
 // A kernel without full preemption lets what runs inside it come to a point of its own choosing: one of its
 // threads that walks memory holds up SCHED_FIFO on its core for 0.1 to 0.5 ms (haptic/README.md), whatever
 // its priority. Threads bound to a core are left, as are those that may run on no other core. Where /proc
-// hides the kernel's threads (a container, ProtectProc=invisible) none is moved, and none told of. Thread
-// safety: start-up's. Errors: a refusal is a Grant, and leaves all as it was found.
+// hides the kernel's threads (a container, ProtectProc=invisible) none is moved, and none told of. A process
+// that is killed leaves them where they are.
+// Thread safety: start-up's. Errors: a refusal is a Grant, and leaves all as it was found.
 #pragma once
 
 #include <sched.h>

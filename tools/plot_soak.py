@@ -13,7 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 PANELS = [
-    ("lateness of wake-ups, µs", [("wake_us", "haptic loop, 1 kHz tick"), ("cyclictest_us", "cyclictest")]),
+    ("lateness of wake-ups, µs", [("wake_us", "haptic loop, 1 kHz tick"), ("cyclictest_us", "cyclictest"),
+                                ("timer_us", "the loop's timer")]),
     ("round trip, µs", [("rtt_us", "event mode"), ("rtt_tick_us", "1 kHz tick")]),
     ("age of the state at the tick, µs", [("state_age_us", "1 kHz tick")]),
     ("haptic step and write, µs", [("compute_us", "haptic step with contact"), ("dds_write_us", "write over DDS")]),
@@ -31,7 +32,7 @@ def draw(axis, figures, title, series):
     highest = max((b[-1][0] for _, b in bins if b), default=1)
     lowest = max(0.05, min((b[0][0] for _, b in bins if b), default=0.1))
     edges = np.geomspace(lowest, 1.05 * max(highest, 2 * lowest), 90)
-    for (name, b), colour in zip(bins, ("tab:blue", "tab:orange")):
+    for (name, b), colour in zip(bins, ("tab:blue", "tab:orange", "tab:purple")):
         if b:
             axis.stairs(counts(b, edges), edges, label=f"{name} ({sum(n for _, n in b)})", color=colour)
     axis.set(xscale="log", yscale="log", xlabel=title, ylabel="count")
@@ -43,7 +44,8 @@ def draw(axis, figures, title, series):
 def draw_minutes(axis, figures):
     minutes = figures["minutes"]
     x = np.arange(1, len(minutes) + 1)
-    for key, name, colour in (("wake_us", "wake-up", "tab:blue"), ("cyclictest_us", "cyclictest", "tab:orange"),
+    for key, name, colour in (("wake_us", "wake-up", "tab:blue"), ("timer_us", "timer", "tab:purple"),
+                              ("cyclictest_us", "cyclictest", "tab:orange"),
                               ("rtt_us", "round trip, event", "tab:green"), ("compute_us", "haptic step", "tab:red")):
         for percentile, style in (("p50", "-"), ("p99", "--"), ("p99_9", ":")):
             y = [m[key][percentile] if m[key][percentile] is not None else np.nan for m in minutes]
@@ -51,7 +53,7 @@ def draw_minutes(axis, figures):
     axis.set(xlabel="minute", ylabel="µs", yscale="log")
     axis.grid(alpha=0.3)
     low, high = axis.get_ylim()
-    axis.set_ylim(low, 4 * high)  # room for the names
+    axis.set_ylim(low, 40 * high)  # room for the names
     axis.legend(fontsize=6, ncol=4, loc="upper center")
     memory = axis.twinx()
     memory.plot(x, [m["rss_mb"] for m in minutes], color="0.4", linewidth=0.8)
