@@ -63,7 +63,7 @@ def log_bins(histogram, per_decade=12):
     upper = np.array([row[0] for row in histogram], float)
     count = np.array([row[1] for row in histogram], float)
     keep = count > 0
-    upper, count = np.maximum(upper[keep], 0.1), count[keep]
+    upper, count = np.maximum(upper[keep], 0.01), count[keep]
     if not len(upper):
         return np.array([1.0, 10.0]), np.array([0.0])
     low, high = np.floor(np.log10(upper.min())), np.ceil(np.log10(upper.max()) + 1e-9)
@@ -90,8 +90,10 @@ def plot_latency(daemon, forces, path):
         axes.set_xscale("log")
         axes.set_xlabel("time [µs]")
         axes.set_title(title, fontsize=10, loc="left")
-        top = max(share.max(), 1e-3)
-        axes.set_ylim(0, 1.3 * top)
+        # The tail is the point: one tick of a run must show.
+        axes.set_yscale("log")
+        axes.set_ylim(0.5 * min(share[share > 0], default=0.1), 5000)
+        axes.set_yticks([0.01, 0.1, 1, 10, 100])
         figures = daemon.get(f"{key}_us") or {}
         drawn = [(name, figures.get(k)) for name, k in
                  (("p50", "p50"), ("p99", "p99"), ("p99.9", "p99_9"), ("max", "max"))]
@@ -99,14 +101,14 @@ def plot_latency(daemon, forces, path):
             if not value:
                 continue
             axes.axvline(value, color=ACCENT, lw=0.9, alpha=0.9)
-            axes.annotate(f"{name} {value:.0f}" if value >= 10 else f"{name} {value:.1f}",
-                          (value, top * (1.24 - 0.09 * i)), xytext=(3, 0), textcoords="offset points",
-                          color=ACCENT, fontsize=8, va="center", bbox=LABEL_BOX)
+            axes.annotate(f"{name} {value:.0f}" if value >= 10 else f"{name} {value:.2g}",
+                          (value, 0.95 - 0.07 * i), xycoords=("data", "axes fraction"), xytext=(3, 0),
+                          textcoords="offset points", color=ACCENT, fontsize=8, va="center", bbox=LABEL_BOX)
         axes.axvline(1000, color=INK, lw=0.9, ls=":")
         left, right = axes.get_xlim()
         axes.set_xlim(left, max(right, 10000, 5 * (figures.get("max") or 0)))
-        axes.annotate("1 ms period", (1000, 0.62 * top), xytext=(3, 0), textcoords="offset points",
-                      fontsize=8, color=INK, va="center", bbox=LABEL_BOX)
+        axes.annotate("1 ms period", (1000, 0.62), xycoords=("data", "axes fraction"), xytext=(3, 0),
+                      textcoords="offset points", fontsize=8, color=INK, va="center", bbox=LABEL_BOX)
     both[0].set_ylabel("share of ticks [%]")
     figure.savefig(path)
     plt.close(figure)
