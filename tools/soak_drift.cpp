@@ -33,6 +33,8 @@ constexpr Series of_tick[] = {
      [](const SoakFigures& m) { return tool(m, 50); }, p50_limit},
     {"wake_p99", "wake p99", [](const SoakFigures& m) { return wake(m, 99); },
      [](const SoakFigures& m) { return tool(m, 99); }, p99_limit},
+    {"wake_p99_9", "wake p99.9", [](const SoakFigures& m) { return wake(m, 99.9); },
+     [](const SoakFigures& m) { return tool(m, 99.9); }, p99_9_limit},
     {"timer_p50", "timer p50", [](const SoakFigures& m) { return timer(m, 50); },
      [](const SoakFigures& m) { return tool(m, 50); }, p50_limit},
     {"timer_p99", "timer p99", [](const SoakFigures& m) { return timer(m, 99); },

@@ -6,9 +6,8 @@
 //   growth = median of the memory over the last third's minutes − over the first third's
 //
 // Bounds: p50 1.25, p99 1.5, p99.9 2 (twenty ticks a minute; only where the public tool has one), growth 2
-// MB. Judged from three minutes on. Of the wake-up's p99.9 the timer's is judged, the part that the machine
-// can change: the loop is early by nearly as much (haptic/loop.h), and what is left a difference of two near
-// numbers.
+// MB. Judged from three minutes on. A wake-up late by less than 1 µs counts as 1 µs: that is reading the
+// clock. The loop is early (haptic/loop.h), so its p99.9 is a difference of two near numbers and strays most.
 #pragma once
 
 #include "tools/soak_report.h"

@@ -16,7 +16,8 @@ namespace hapticd {
 
 // What one daemon gave over some slices.
 struct ServerFigures {
-  Tally wake_us, timer_us, solve_us, write_us, interval_us, state_age_us, problem_age_ms, rtt_us, rtt_less_compute_us;
+  Tally wake_us, timer_us, solve_us, write_us, interval_us, state_age_us, problem_age_ms, rtt_us,
+      rtt_less_compute_us;
   std::int64_t scheduled = 0, sent = 0, answered = 0;   // the client's slots
   std::int64_t misses = 0, steps = 0, late_states = 0;  // the last: waited for (haptic/loop.h)
   double force_peak = 0;
