@@ -61,6 +61,10 @@ StabilityPlan plan_duplicated(StabilityBench&, bool quick);
 // Elements: stability_tissue.cpp.
 StabilityPlan plan_crushing(StabilityBench&, bool quick);
 StabilityPlan plan_incompressible(StabilityBench&, bool quick);
+// Energy of tissue on its own: stability_energy.cpp.
+StabilityPlan plan_slender(StabilityBench&, bool quick);
+StabilityPlan plan_let_go(StabilityBench&, bool quick);
+StabilityPlan plan_remnant(StabilityBench&, bool quick);
 // The tool: stability_tool.cpp.
 StabilityPlan plan_fast_stroke(StabilityBench&, bool quick);
 StabilityPlan plan_wedge(StabilityBench&, bool quick);

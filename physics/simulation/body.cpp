@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "physics/simulation/energy_bound.h"
+#include "physics/tissue/stored_energy.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
@@ -49,6 +51,17 @@ void compute_free_displacement(Body& body) {
   }
   for (int n = 0; n < body.model.node_count(); ++n)
     body.dx_free.segment<3>(3 * n) = body.rest[n] + body.under_load.segment<3>(3 * n) - body.state.x[n];
+}
+
+void keep_energy(Body& body, double h) {
+  external_forces(body.model, body.state, body.scratch);
+  body.scratch += body.pressed;
+  if (!body.elastic) body.elastic = stored_energy(body.model, body.state, VecX::Zero(body.dx_free.size()));
+  const EnergyBound bound =
+      bound_energy(body.model, body.state, *body.elastic, body.dx_free, body.scratch, h);
+  body.elastic = bound.elastic;
+  body.bounded_steps = bound.share < 1 ? body.bounded_steps + 1 : 0;
+  if (bound.share < 1) body.dx_free *= bound.share;
 }
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
@@ -103,8 +116,9 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
 }
 
 bool at_rest(const Body& body) {
-  return std::all_of(body.state.v.begin(), body.state.v.end(),
-                     [](const Vec3& v) { return v.squaredNorm() < sleeping_speed * sleeping_speed; });
+  return body.bounded_steps == 0 && std::all_of(body.state.v.begin(), body.state.v.end(), [](const Vec3& v) {
+           return v.squaredNorm() < sleeping_speed * sleeping_speed;
+         });
 }
 
 void compute_free_motion(Body& body, double h) {
@@ -165,13 +179,14 @@ void know_free_motion(Body& body, std::span<const int> nodes) {
   if (body.half_free && !body.compliance->halves_cover(nodes)) finish_free_motion(body, nullptr);
 }
 
-void correct(Body& body, const VecX* contact_force, double h) {
+void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy) {
   const Within free_motion(body.times, StepPart::free_motion);
   finish_free_motion(body, contact_force);
   if (contact_force)
     body.pressed = *contact_force;
   else
     body.pressed.setZero(body.dx_free.size());
+  if (keeps_energy && body.model.dynamic) keep_energy(body, h);
   body.v_before.swap(body.state.v);
   body.state.v.resize(body.v_before.size());
   for (int n = 0; n < body.model.node_count(); ++n) {
@@ -187,6 +202,7 @@ std::vector<int> take_out(Body& body, std::span<const int> tets) {
   body.surface.remove(tets);
   body.asleep = false;
   remove_tets(body.model, body.state, went);
+  if (!went.empty()) body.elastic.reset();
   return went;
 }
 

@@ -9,6 +9,7 @@
 
 #include <deque>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -46,12 +47,14 @@ struct Body {
   VecX under_load;                         // of a linear static body: C f_ext
   VecX scratch;
   std::vector<Mat3> factored_rotation;  // per tetrahedron, as it is in the present factor
-  bool half_free = false;      // Δx_free begun: dx_free is right where the compliance's halves cover
-  bool in_halves = false;      // the compliance solves in halves
-  VecX begun_from;             // … and what is begun is added to this; empty: to nothing
-  VecX pressed;                // Σ Hᵀλ of the last `correct` [N]
-  std::vector<Vec3> v_before;  // … and v before it
-  bool asleep = false;         // at rest and out of reach: its step is skipped
+  bool half_free = false;         // Δx_free begun: dx_free is right where the compliance's halves cover
+  bool in_halves = false;         // the compliance solves in halves
+  VecX begun_from;                // … and what is begun is added to this; empty: to nothing
+  VecX pressed;                   // Σ Hᵀλ of the last `correct` [N]
+  std::vector<Vec3> v_before;     // … and v before it
+  std::optional<double> elastic;  // E at the state [J]; none: not known
+  int bounded_steps = 0;          // in a row, whose motion would have made energy (energy_bound.h)
+  bool asleep = false;            // at rest and out of reach: its step is skipped
 
   // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
   bool base_wanted = false;
@@ -71,7 +74,7 @@ struct Body {
 // The compliance refers to its body's model, so bodies never move.
 using Bodies = std::deque<Body>;
 
-// No node is faster than 10 µm/s.
+// No node is faster than 10 µm/s, and nothing was held back.
 bool at_rest(const Body& body);
 
 // Δx_free at the present state, with the factor the compliance holds; near the zone alone, where the
@@ -102,8 +105,9 @@ void fresh_free_motion(Body& body, double h);
 // Where a step only foresees with it, what it errs by enters that step's end squared (look_ahead.h).
 void foresee_free_motion(Body& body, double h);
 
-// x += Δx_free + C f (f: contact forces per node, may be null), v = Δx/h.
-void correct(Body& body, const VecX* contact_force, double h);
+// x += Δx, v = Δx/h of Δx = Δx_free + C f (f: contact forces per node, may be null); with `keeps_energy`, of
+// so much of it as makes none.
+void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy = true);
 
 // Removes tetrahedra and lets mass, surface and orphan nodes follow. Returns those that went, which the
 // compliance is to be told before its next update …

@@ -12,6 +12,7 @@ namespace {
 constexpr double least_elapsed = 0.1;  // of h, between two samples whose times are known
 constexpr double far_step = 0.6;       // in alarm distances
 constexpr double most_parts = 32;      // of a step's way that contact is solved on
+constexpr int most_bounded = 2;        // steps in a row that a stale compliance may have made energy in
 
 bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
@@ -75,7 +76,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     solve_instrument(sample, problem, report);
   else
     solve_together(sample, problem, report);
-  correct_bodies();
+  correct_bodies(report);
 
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     if (Body& body = bodies_[b]; body.deformable && !body.asleep) {
@@ -199,7 +200,7 @@ void World::factor(int b, StepReport& report) {
   }
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
-  if (!believed(body)) {
+  if (!believed(body) || (rebases_ && body.bounded_steps >= most_bounded)) {
     make_base(b, report);
     compute_free_motion(body, settings_.h);
   }
@@ -350,7 +351,7 @@ VecX World::force_on_patch(const CondensedProblem& problem, const ContactScratch
   return f;
 }
 
-void World::correct_bodies() {
+void World::correct_bodies(StepReport& report) {
   const auto nodes = gatherer_.nodes();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
@@ -362,7 +363,8 @@ void World::correct_bodies() {
         contact_force_.segment<3>(3 * nodes[i].node) +=
             patch_force_.segment<3>(3 * static_cast<Eigen::Index>(i));
     if (contacts_.any()) contacts_.add_forces(static_cast<int>(b), contact_force_);
-    correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h);
+    correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h, settings_.keeps_energy);
+    report.bounded_bodies += body.bounded_steps > 0;
   }
 }
 

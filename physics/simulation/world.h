@@ -6,7 +6,8 @@
 //   3  latch the newest instrument pose, gather the patch, C_pp
 //   4  contact solve, geometry renewed three times; of a far pose, on the way to it first    δ = W λ + δ_free
 //      (with bodies that touch one another: in one solve with theirs, world_contact.cpp)
-//   5  correct: Δx = Δx_free + C Hᵀλ
+//   5  correct: Δx = Δx_free + C Hᵀλ, or so much of it as makes no energy (energy_bound.h); a body that was
+//      held back is not looked ahead for in 7
 //   6  fresh: f_int and free motion at the new state, same factor; or, where the compliance solves in halves
 //      and 7 follows, foreseen from 5 (body.h)
 //   7  look ahead: the same contact solve where the instrument will be at `lead`, and all bodies linearised
@@ -59,6 +60,8 @@ struct WorldSettings {
   // the free motion that the step began with.
   bool newest_pose = true;
   bool fresh_free_motion = true;
+  // For comparison only: false lets a linearisation make energy (energy_bound.h).
+  bool keeps_energy = true;
 };
 
 // A new base that a body's compliance wants: `base->make()` is to be called, on any thread, and the job
@@ -90,6 +93,7 @@ struct StepReport {
   int awake_bodies = 0;
   int bases_adopted = 0;      // since the step before
   int bases_on_the_spot = 0;  // made by the step itself, for which others came too late
+  int bounded_bodies = 0;     // whose motion was held back, for it would have made energy (energy_bound.h)
   int uncovered_nodes = 0;    // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
   // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
@@ -177,7 +181,7 @@ class World {
   ContactOptions contact_options() const;
   ContactSolution solve_last_problem(const InstrumentSample& sample);
   void solve_instrument(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
-  void correct_bodies();
+  void correct_bodies(StepReport& report);
   void put_to_sleep();
   bool looks_ahead() const;
   bool foresees(const Body& body) const;  // the free motion that it looks ahead from, instead of computing it

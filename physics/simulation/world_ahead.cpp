@@ -76,7 +76,7 @@ void World::look_ahead(const InstrumentSample& sample, CondensedProblem& problem
       const Within free_motion(times(), StepPart::free_motion);
       finish_free_motion(body, touched ? &contact_force_ : nullptr);
     }
-    if (!can_look_ahead(body)) {
+    if (body.bounded_steps > 0 || !can_look_ahead(body)) {
       if (foresees(body)) fresh_free_motion(body, settings_.h);
       if (!touched || foresees(body)) continue;
       body.compliance->apply(contact_force_, contact_force_);

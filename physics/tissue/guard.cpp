@@ -1,6 +1,7 @@
 #include "physics/tissue/guard.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 
 namespace hapticd {
 
@@ -14,13 +15,22 @@ Mat3 cofactor(const Mat3& F) noexcept {
   return C;
 }
 
+double stiffness_of(const TissueModel& model) noexcept {
+  return guard_stiffness * (model.material.lambda() + 2 * model.material.mu());
+}
+
 }  // namespace
+
+double guard_energy(const TissueModel& model, int tet, const Mat3& F) noexcept {
+  const double lost = std::max(0.0, guard_from - F.determinant());
+  return 0.5 * model.volume[tet] * stiffness_of(model) * lost * lost;
+}
 
 void guard(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept {
   const double J = F.determinant();
   if (!(J < guard_from)) return;
   const double volume = model.volume[tet];
-  const double kappa = guard_stiffness * (model.material.lambda() + 2 * model.material.mu());
+  const double kappa = stiffness_of(model);
   const double pressure = kappa * (guard_from - J);
   Collapsed c;
   c.tet = tet;
@@ -30,7 +40,7 @@ void guard(const TissueModel& model, int tet, const Mat3& F, TissueState& state)
   c.force = volume * pressure;
   c.steep = volume * kappa;
   c.spread = volume * pressure * F.norm();
-  c.energy = 0.5 * volume * kappa * (guard_from - J) * (guard_from - J);
+  c.energy = guard_energy(model, tet, F);
   state.collapsed.push_back(c);
 }
 

@@ -25,6 +25,9 @@ inline constexpr double guard_stiffness = 1;  // κ over λ + 2μ
 // Adds this tetrahedron to `state.collapsed` if it is.
 void guard(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept;
 
+// The guard's energy of this tetrahedron [J]; zero where it has not collapsed.
+double guard_energy(const TissueModel& model, int tet, const Mat3& F) noexcept;
+
 // Which corner of the collapsed tetrahedron each of these nodes, the same four, is.
 inline std::array<int, 4> corners_in_order(const Tet& wanted, const Tet& node) noexcept {
   std::array<int, 4> corner{};

@@ -1,0 +1,28 @@
+// The largest part of a step's motion that makes no energy.
+//
+//   H(x, v) = ½ vᵀMv + E(x);   Δx ← θ Δx,  v⁺ = Δx/h:   H(x + Δx, v⁺) ≤ H(x, v) + fᵀΔx,   f = f_ext + Hᵀλ
+//
+// Implicit Euler loses energy, and so does one Newton iteration of it from x_n. A linearisation that is
+// foreseen, or stale, promises nothing: a slender body swings for ever, a piece on few nodes flies off. So
+// θ = 1, ½, ¼, … until the bound holds; θ = 0 keeps it, since v⁺ = 0 then. The bound is exact: E has every
+// element's own rotation at x + Δx, whatever the step was linearised with.
+// Units: J. Shapes: Δx, f 3·nodes entries. Errors: none; a motion that is not a number is kept out whole.
+#pragma once
+
+#include "physics/tissue/tissue.h"
+
+namespace hapticd {
+
+// ½ Σ m ‖v‖² [J]
+double kinetic_energy(const TissueModel& model, const TissueState& state) noexcept;
+
+struct EnergyBound {
+  double share = 1;    // θ
+  double elastic = 0;  // E(x + θ Δx) [J]
+};
+
+// elastic: E(x) at the state; f: all but the internal forces [N].
+EnergyBound bound_energy(const TissueModel& model, const TissueState& state, double elastic, const VecX& dx,
+                         const VecX& f, double h) noexcept;
+
+}  // namespace hapticd

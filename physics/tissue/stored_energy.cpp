@@ -1,0 +1,41 @@
+#include "physics/tissue/stored_energy.h"
+
+#include "physics/tissue/element_lanes.h"
+#include "physics/tissue/guard.h"
+#include "physics/tissue/rotation.h"
+#include "physics/tissue/tetrahedron.h"
+
+namespace hapticd {
+
+double stored_energy(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
+  const double mu = model.material.mu(), lambda = model.material.lambda();
+  double energy = 0;
+  each_eight(model, state, [&](const int* tet, int count) {
+    Lanes3x4 x, moved, g;
+    Lanes3x3 F;
+    load_corners(
+        model, tet, [&](int n) { return state.x[n].data(); }, x);
+    load_corners(
+        model, tet, [&](int n) { return dx.data() + 3 * static_cast<std::ptrdiff_t>(n); }, moved);
+    for (int k = 0; k < 12; ++k)
+      for (int l = 0; l < element_lanes; ++l) x.m[k][l] += moved.m[k][l];
+    load_gradients(model, tet, g);
+    deformation_gradients(x, g, F);
+    std::array<Mat3, element_lanes> R;
+    std::array<Mat3*, element_lanes> to;
+    for (int l = 0; l < element_lanes; ++l) {
+      R[l] = state.rotation[tet[l]];
+      to[l] = &R[l];
+    }
+    if (model.corotational) nearest_rotations(F, to);
+    for (int l = 0; l < count; ++l) {
+      const Mat3 of = F.matrix(l);
+      const Mat3 strained = model.corotational ? of : Mat3(0.5 * (of + of.transpose()));
+      energy += element_energy(strained, R[l], model.volume[tet[l]], mu, lambda);
+      if (model.corotational && model.material.law == Law::guarded) energy += guard_energy(model, tet[l], of);
+    }
+  });
+  return energy;
+}
+
+}  // namespace hapticd

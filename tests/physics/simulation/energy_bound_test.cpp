@@ -1,0 +1,210 @@
+// No step makes energy, whatever it was linearised at: hand answers, and bodies that used to fly off.
+#include "physics/simulation/energy_bound.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <random>
+
+#include "physics/simulation/world.h"
+#include "physics/tissue/stored_energy.h"
+#include "tests/support/mesh_shapes.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double h = 0.02;
+
+VecX none(const TissueModel& model) { return VecX::Zero(3 * static_cast<Eigen::Index>(model.node_count())); }
+
+VecX random_motion(const TissueModel& model, double size, std::mt19937& random) {
+  std::uniform_real_distribution<double> part(-size, size);
+  VecX dx = none(model);
+  for (int n = 0; n < model.node_count(); ++n)
+    for (int i = 0; i < 3; ++i)
+      if (!model.fixed[n]) dx[3 * n + i] = part(random);
+  return dx;
+}
+
+Material soft(Law law) {
+  Material m{5000, 0.45, 1000, 0, 0.002};
+  m.law = law;
+  return m;
+}
+
+class EnergyOf : public testing::TestWithParam<Law> {};
+
+// At x + Δx without moving there, and by moving there and asking the present energy.
+TEST_P(EnergyOf, AMotionIsThatOfTheStateItLeadsTo) {
+  std::mt19937 random(7);
+  for (const bool corotational : {true, false}) {
+    TissueModel model =
+        make_tissue_model(box_mesh(Vec3(0.02, 0.02, 0.02), 3, 3, 3), soft(GetParam()), {}, Vec3::Zero());
+    model.corotational = corotational;
+    TissueState state = rest_state(model);
+    remove_tets(model, state, std::vector<int>{3, 40});
+    for (int k = 0; k < 20; ++k) {
+      const VecX dx = random_motion(model, 4e-3, random);
+      TissueState moved = state;
+      for (int n = 0; n < model.node_count(); ++n) moved.x[n] += dx.segment<3>(3 * n);
+      update_rotations(model, moved);
+      const double expected = elastic_energy(model, moved);
+      EXPECT_NEAR(stored_energy(model, state, dx), expected, 1e-12 * expected);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Laws, EnergyOf, testing::Values(Law::corotational, Law::guarded));
+
+// Of a free piece that moves rigidly, H is ½ m v²: a motion of 3 v h keeps a quarter, for ½ is still too
+// much.
+TEST(EnergyBound, OfARigidMotionFollowsFromItsKineticEnergy) {
+  const TissueModel model =
+      make_tissue_model(box_mesh(Vec3(0.02, 0.02, 0.02), 2, 2, 2), soft(Law::corotational), {}, Vec3::Zero());
+  TissueState state = rest_state(model);
+  const Vec3 v(0.1, -0.2, 0.05);
+  for (Vec3& of : state.v) of = v;
+  VecX dx = none(model);
+  for (int n = 0; n < model.node_count(); ++n) dx.segment<3>(3 * n) = 3 * h * v;
+  EXPECT_EQ(bound_energy(model, state, 0, dx, none(model), h).share, 0.25);
+  EXPECT_EQ(bound_energy(model, state, 0, VecX(dx / 3), none(model), h).share, 1);
+  // The same from rest with a force whose work pays for it: Σ m v²/2 = f·Δx/2 of a push with f = M v/h.
+  for (Vec3& of : state.v) of.setZero();
+  VecX f = none(model);
+  for (int n = 0; n < model.node_count(); ++n) f.segment<3>(3 * n) = state.mass[n] / h * v;
+  EXPECT_EQ(bound_energy(model, state, 0, VecX(dx / 3), f, h).share, 1);
+  EXPECT_EQ(bound_energy(model, state, 0, dx, f, h).share, 0.5);  // kinetic 9 θ², work 3 θ of twice ½ M v²
+}
+
+TEST(EnergyBound, HoldsForAnyMotion) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> decade(-6, 0);
+  for (const Law law : {Law::corotational, Law::guarded}) {
+    const TissueModel model =
+        make_tissue_model(box_mesh(Vec3(0.02, 0.02, 0.02), 2, 2, 2), soft(law), {}, Vec3::Zero());
+    for (int k = 0; k < 300; ++k) {
+      TissueState state = rest_state(model);
+      const VecX bent = random_motion(model, 2e-3, random), v = random_motion(model, 0.05, random);
+      for (int n = 0; n < model.node_count(); ++n) {
+        state.x[n] += bent.segment<3>(3 * n);
+        state.v[n] = v.segment<3>(3 * n);
+      }
+      const double elastic = stored_energy(model, state, none(model));
+      const double before = elastic + kinetic_energy(model, state);
+      const VecX dx = random_motion(model, std::pow(10, decade(random)), random),
+                 f = random_motion(model, 1e-3, random);
+      const EnergyBound bound = bound_energy(model, state, elastic, dx, f, h);
+      TissueState after = state;
+      for (int n = 0; n < model.node_count(); ++n) after.v[n] = bound.share / h * dx.segment<3>(3 * n);
+      const double now = kinetic_energy(model, after) + stored_energy(model, state, VecX(bound.share * dx));
+      EXPECT_LE(now, before + bound.share * f.dot(dx) + 1e-12 * before);
+    }
+  }
+}
+
+TEST(EnergyBound, KeepsOutWhatIsNotANumber) {
+  const TissueModel model =
+      make_tissue_model(box_mesh(Vec3(0.02, 0.02, 0.02), 2, 2, 2), soft(Law::corotational), {}, Vec3::Zero());
+  const TissueState state = rest_state(model);
+  VecX dx = none(model);
+  dx[4] = std::nan("");
+  EXPECT_EQ(bound_energy(model, state, 0, dx, none(model), h).share, 0);
+}
+
+Instrument ball() {
+  Primitive tip;
+  tip.shape = Shape::sphere;
+  tip.radius = 4e-3;
+  Instrument instrument;
+  instrument.primitives = {tip};
+  return instrument;
+}
+
+WorldSettings ahead(ComplianceMethod method) {
+  WorldSettings s;
+  s.h = h;
+  s.alarm_distance = 5e-3;
+  s.sample_spacing = 1.5e-3;
+  s.coupling = {400, 0.04, 2e-3};
+  s.compliance = method;
+  s.lead = 0.9 * h;
+  return s;
+}
+
+double energy_of(const Body& body) {
+  double height = 0;
+  for (int n = 0; n < body.model.node_count(); ++n)
+    height -= body.state.mass[n] * body.model.gravity.dot(body.state.x[n] - body.rest[n]);
+  return kinetic_energy(body.model, body.state) + stored_energy(body.model, body.state, none(body.model)) +
+         height;
+}
+
+BodySettings beam(double young) {
+  BodySettings b{"beam", true, box_mesh(Vec3(0.06, 0.01, 0.01), 12, 2, 2), {young, 0.45, 1000, 2, 0.002}, {},
+                 0,      true};
+  for (int n = 0; n < static_cast<int>(b.mesh.nodes.size()); ++n)
+    if (b.mesh.nodes[n].x() == 0) b.fixed_nodes.push_back(n);
+  return b;
+}
+
+class FreeBody : public testing::TestWithParam<ComplianceMethod> {};
+
+// Pressed for 0.4 s and let go: from then on its energy never rises, and where it ends is where it began.
+TEST_P(FreeBody, RestsWhenItIsLetGo) {
+  World world({beam(1e6)}, ball(), ahead(GetParam()));
+  const Body& body = world.bodies().front();
+  const auto problem = std::make_unique<CondensedProblem>();
+  double before = 0, most = 0, rise = 0;
+  for (int k = 0; k < 200; ++k) {
+    for (BaseJob& job : world.wanted_bases()) {
+      job.base->make();
+      world.adopt(std::move(job));
+    }
+    InstrumentSample sample;
+    sample.present = k < 20;
+    sample.pose = {Vec3(0.055, 0.005, 0.014 - 6e-3 * std::min(1.0, k / 10.0)), Quat::Identity()};
+    world.step([&] { return sample; }, *problem);
+    const double now = energy_of(body);
+    most = std::max(most, now);
+    if (!sample.present) rise = std::max(rise, now - before);
+    before = now;
+  }
+  EXPECT_GT(most, 1e-4);
+  EXPECT_LT(rise, 1e-9 * most);
+  EXPECT_LT(before, 1e-6 * most);
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, FreeBody,
+                         testing::Values(ComplianceMethod::exact, ComplianceMethod::zone,
+                                         ComplianceMethod::lazy));
+
+// Under its own weight a beam ends where static equilibrium is, whatever it was linearised at on the way.
+TEST(EnergyBound, ABeamUnderItsWeightEndsInEquilibrium) {
+  WorldSettings s = ahead(ComplianceMethod::exact), plain = s;
+  s.gravity = plain.gravity = Vec3(0, 0, -9.81);
+  plain.lead = 0;
+  World foreseen({beam(5e4)}, ball(), s), own({beam(5e4)}, ball(), plain);
+  const auto problem = std::make_unique<CondensedProblem>();
+  double before = 0, rise = 0, deepest = 0;
+  for (int k = 0; k < 300; ++k) {
+    foreseen.step([] { return InstrumentSample{}; }, *problem);
+    own.step([] { return InstrumentSample{}; }, *problem);
+    const double now = energy_of(foreseen.bodies().front());
+    rise = std::max(rise, now - before);
+    before = now;
+    deepest = std::min(deepest, now);
+  }
+  EXPECT_LE(rise, -1e-9 * deepest);
+  double largest = 0, apart = 0;
+  const Body &a = foreseen.bodies().front(), &b = own.bodies().front();
+  for (int n = 0; n < a.model.node_count(); ++n) {
+    largest = std::max(largest, (b.state.x[n] - b.rest[n]).norm());
+    apart = std::max(apart, (a.state.x[n] - b.state.x[n]).norm());
+  }
+  EXPECT_GT(largest, 0.01);
+  EXPECT_LT(apart, 2e-3 * largest);
+}
+
+}  // namespace
+}  // namespace hapticd
