@@ -30,6 +30,8 @@ struct Presence {
   bool connected = false;            // a client holds the device; false: gone, zero at once
   bool new_client = false;           // the sample just taken is the first of a new client
   bool conflict = false;             // another client's sample was refused at this take
+  bool rival = false;                // somebody else writes this device's forces
+  bool settled = true;               // there was time to hear such a one; false: nothing is armed yet
 };
 
 // Where the instrument is and what the pedals ask, from the haptic loop to the simulation.
@@ -58,7 +60,8 @@ enum Status : std::uint32_t {
   status_not_finite = 1u << 12,       // a force was not finite: zero, latched
   status_solver_cap = 1u << 13,       // the contact solve ended at its cap or deadline
   status_blending = 1u << 14,         // ≤ 5 ms after a removal or a stall
-  status_contacts_dropped = 1u << 15  // more contacts than capacity
+  status_contacts_dropped = 1u << 15, // more contacts than capacity
+  status_rival = 1u << 16             // somebody else writes this device's forces: to zero, latched
 };
 
 struct ForceSample {

@@ -202,7 +202,7 @@ void HapticLoop::take(std::int64_t intended, HapticInput& input) noexcept {
     input.taken = port_.take(input.now_ns, input.sample);
     const Presence seen = port_.presence();
     input.presence = {seen.connected, input.presence.new_client || seen.new_client,
-                      input.presence.conflict || seen.conflict};
+                      input.presence.conflict || seen.conflict, seen.rival, seen.settled};
     if (input.taken && !first) add(statistics_.late_states, std::uint64_t{1});
     if (input.taken || !seen.connected || input.now_ns + look_again_ns > until) break;
     sleep_until(input.now_ns + look_again_ns);

@@ -18,7 +18,9 @@ void forget_client(WatchdogState& s) noexcept {
   s.gain = 0;
 }
 
-bool latched(const WatchdogState& s) noexcept { return s.latched_by_refusals || s.latched_by_force; }
+bool latched(const WatchdogState& s) noexcept {
+  return s.latched_by_refusals || s.latched_by_force || s.latched_by_rival;
+}
 
 void disarm(WatchdogState& s) noexcept {
   s.armed = false;
@@ -37,14 +39,17 @@ void estimate_velocity(const DeviceSettings& device, const DeviceSample& now, st
 
 void accept(const WatchdogLimits& limits, const DeviceSettings& device, const DeviceSample& sample,
             WatchdogState& s) noexcept {
-  if (s.has_sample && sample.enable) estimate_velocity(device, sample, limits.period_ns, s);
-  else s.velocity.setZero();
+  if (s.has_sample && sample.enable)
+    estimate_velocity(device, sample, limits.period_ns, s);
+  else
+    s.velocity.setZero();
   s.has_sample = true;
   s.sample = sample;
   s.sample.pose.q.normalize();
   s.refusals_in_a_row = 0;
   if (sample.enable) return;
   s.latched_by_refusals = s.latched_by_force = false;
+  s.latched_by_rival = s.rival;
   disarm(s);
   s.may_arm = true;
 }
@@ -59,8 +64,10 @@ void refuse(const WatchdogLimits& limits, WatchdogState& s) noexcept {
 std::uint32_t fault_bits(const WatchdogState& s, std::int64_t now_ns) noexcept {
   std::uint32_t bits = 0;
   if (s.refusals_in_a_row > 0) bits |= status_rejected;
-  if (latched(s)) bits |= status_latched;
+  // One that lets its force down because of a second daemon is armed still.
+  if (latched(s) && !s.armed) bits |= status_latched;
   if (s.latched_by_force) bits |= status_not_finite;
+  if (s.latched_by_rival) bits |= status_rival;
   if (now_ns < s.conflict_until_ns) bits |= status_conflict;
   return bits;
 }
@@ -91,6 +98,11 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
     ++s.conflicts;
     s.conflict_until_ns = input.now_ns + limits.conflict_shown_ns;
   }
+  s.rival = input.presence.rival;
+  if (s.rival && !s.latched_by_rival) {
+    s.latched_by_rival = true;
+    s.rival_since_ns = input.now_ns;
+  }
   if (!input.presence.connected) {
     forget_client(s);
     v.status = status_disarmed | problem_bits | fault_bits(s, input.now_ns);
@@ -104,8 +116,10 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
     v.refusal = check_sample(device, input.sample, s.has_sample ? &s.sample : nullptr, limits.period_ns,
                              limits.quaternion_tolerance);
     v.answers = v.refusal == Refusal::none;
-    if (v.answers) accept(limits, device, input.sample, s);
-    else refuse(limits, s);
+    if (v.answers)
+      accept(limits, device, input.sample, s);
+    else
+      refuse(limits, s);
   }
   v.status = problem_bits | fault_bits(s, input.now_ns);
   if (gap >= limits.own_gap_ns) v.status |= status_gap;
@@ -115,15 +129,16 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
   }
 
   v.state_age_ns = std::max<std::int64_t>(input.now_ns - s.sample.received_ns, 0);
-  const std::int64_t age = gap >= limits.own_gap_ns ? std::max(v.state_age_ns, gap) : v.state_age_ns;
+  std::int64_t age = gap >= limits.own_gap_ns ? std::max(v.state_age_ns, gap) : v.state_age_ns;
+  if (s.latched_by_rival) age = std::max(age, limits.ramp_after_ns + input.now_ns - s.rival_since_ns);
   if (age >= limits.disarm_after_ns) disarm(s);
-  if (s.sample.enable && s.may_arm && !problem_old && !latched(s)) {
+  if (s.sample.enable && s.may_arm && input.presence.settled && !problem_old && !latched(s)) {
     s.armed = true;
     s.may_arm = false;
     s.gain = 0;
   }
   if (!s.armed) {
-    v.status |= status_disarmed;
+    v.status |= status_disarmed | fault_bits(s, input.now_ns);
     return v;
   }
 

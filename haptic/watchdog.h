@@ -7,13 +7,15 @@
 //   own gap ≥ 5 ms                               | that tick counts its state as old as the gap
 //   state refused (sample_check.h)               | it is as if it had not come; three in a row: zero, latched
 //   second client                                | nothing; status_conflict for 100 ms
+//   second daemon for the device                 | to zero as after 10 ms without a state, latched
 //   client gone, enable false                    | zero in the same tick
 //   a force is not finite (latch_not_finite)     | zero in the same tick, latched
 //
 // Arming: an enable that is the first valid state of a new client, or that was seen going false →
 // true, arms as soon as the problem is alive (younger than 60 ms) and nothing is latched; the gain
 // then rises 0 → 1 in 100 ms. After disarming by age only false → true arms again. Seeing enable
-// false clears a latch; a latch by refused states also leaves with its client.
+// false clears a latch; a latch by refused states also leaves with its client, one by a second daemon only when
+// that daemon is not heard any more. Neither of two daemons arms, so that none has to know which is right.
 // Gain: force = gain · (what `render` says). It falls at 1/5 ms while the state is older than 10 ms
 // and rises at 1/100 ms otherwise, per period of the loop: the slots of a gap count as one.
 // Units: ns, m/s. Time is an argument: no clock here. Guarantee: wait-free, no allocation.
@@ -59,6 +61,9 @@ struct WatchdogState {
   bool armed = false;
   bool latched_by_refusals = false;
   bool latched_by_force = false;
+  bool rival = false;                // heard in the newest tick
+  bool latched_by_rival = false;
+  std::int64_t rival_since_ns = 0;   // when that latch fell
   int refusals_in_a_row = 0;
   std::uint64_t refused = 0;         // since the beginning
   std::uint64_t conflicts = 0;

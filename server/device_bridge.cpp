@@ -12,6 +12,7 @@ namespace hapticd {
 namespace {
 
 constexpr std::int64_t silence_ns = 500'000'000;
+constexpr std::int64_t listens_first_ns = 500'000'000;
 constexpr std::int64_t alarm_period_ns = 1'000'000;  // the loop's
 
 dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void* self) noexcept {
@@ -84,7 +85,8 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
                                      info->publication_handle);
                                },
                                this)),
-      writer_(participant) {
+      writer_(participant),
+      others_(participant, device_id, ForceReader::Side::daemon) {
   if (!events) return;
   const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
                                                                                  &dds_delete_listener);
@@ -106,7 +108,8 @@ DdsDevicePort::~DdsDevicePort() {
 
 // Cyclone's receive thread.
 bool DdsDevicePort::wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept {
-  thread_local const bool ready = (prefault_heap(sample_heap), true);  // the first time that this thread is here
+  thread_local const bool ready =
+      (prefault_heap(sample_heap), true);  // the first time that this thread is here
   static_cast<void>(ready);
   if (state.device_id != device_id_) return false;
   const dds_instance_handle_t client = client_.load(std::memory_order_relaxed);
@@ -213,6 +216,9 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
   client_heard_ns_.store(heard_ns_, std::memory_order_relaxed);
   last_take_ns_ = now_ns;
   presence_.connected = pinned_ != 0;
+  if (first_take_ns_ == 0) first_take_ns_ = now_ns;
+  presence_.settled = now_ns - first_take_ns_ >= listens_first_ns;
+  presence_.rival = others_.stranger(now_ns);
   return taken && presence_.connected;
 }
 

@@ -11,12 +11,20 @@
 // device or from a stranger while the client is heard. Neither can displace the client's states, or keep the
 // loop busy. received_ns: the client's send time, as DDS stamps it, moved into the interval between the
 // previous take and this one: right to microseconds on one machine, and never beyond one tick elsewhere.
-// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; an alarm rings
-// it when the time has come (alarm.h: the wait's own time-out would cost the answer 8 µs). Both are there only
-// where `events` says so: the fixed tick has no use for them. The alarm's thread has the loop's priority where it
-// may. Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first few samples; Cyclone's own locks are
-// held for microseconds by its receive thread, which should therefore run in real time too (dds.h,
-// loopback_realtime).
+//
+// A second daemon for the device, or whoever writes its forces besides us, is heard by a reader of our own
+// force topic (force_reader.h). For the first half second that the port is taken from, it says that it has
+// not listened for long enough (Presence::settled): of two daemons started at once both hear the other
+// before either arms.
+//
+// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; an alarm
+// rings it when the time has come (alarm.h: the wait's own time-out would cost the answer 8 µs). Both are
+// there only where `events` says so: the fixed tick has no use for them. The alarm's thread has the loop's
+// priority where it may.
+//
+// Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first
+// few samples; Cyclone's own locks are held for microseconds by its receive thread, which should therefore
+// run in real time too (dds.h, loopback_realtime).
 #pragma once
 
 #include <optional>
@@ -24,6 +32,7 @@
 #include "haptic/loop.h"
 #include "server/alarm.h"
 #include "server/dds.h"
+#include "server/force_reader.h"
 
 namespace hapticd {
 
@@ -41,6 +50,9 @@ class DdsDevicePort final : public DevicePort {
   std::int64_t await(std::int64_t until_ns) noexcept override;
   Presence presence() const noexcept override { return presence_; }
   void write(const ForceSample& force) noexcept override;
+
+  // Forces for this device that somebody else wrote, so far. Any thread.
+  std::uint64_t foreign_forces() const noexcept { return others_.strange_forces(); }
 
  private:
   static constexpr std::size_t batch = 32;
@@ -61,6 +73,7 @@ class DdsDevicePort final : public DevicePort {
   std::atomic<bool> stranger_{false};
   Reader<hapticd_msg_DeviceState> reader_;
   Writer<hapticd_msg_ForceCommand> writer_;
+  ForceReader others_;
   std::array<hapticd_msg_DeviceState, batch> samples_{};
   std::array<dds_sample_info_t, batch> infos_{};
   dds_instance_handle_t pinned_ = 0;  // the client's writer; 0: none
@@ -69,6 +82,7 @@ class DdsDevicePort final : public DevicePort {
   bool alone_ = false;         // the only one since before the last take
   std::int64_t heard_ns_ = 0;  // from the client
   std::int64_t last_take_ns_ = 0;
+  std::int64_t first_take_ns_ = 0;  // 0: none yet
   Presence presence_;
   std::uint32_t seen_ = 0;                              // arrivals before the last take
   alignas(64) std::atomic<std::uint32_t> arrivals_{0};  // written by the receive thread

@@ -85,7 +85,7 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
 }
 
 Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& m, std::int64_t time_ns) {
-  constexpr std::uint32_t errors = status_problem_lost | status_latched | status_not_finite;
+  constexpr std::uint32_t errors = status_problem_lost | status_latched | status_not_finite | status_rival;
   constexpr std::uint32_t ordinary =
       status_disarmed | status_ramping_up | status_saturated | status_slew_limited | status_blending;
   Diagnostic d;

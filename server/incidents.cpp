@@ -36,6 +36,11 @@ std::vector<Incident> Incidents::look(std::int64_t now_ns, const LoopCounters& c
   const std::uint32_t rose = counters.status & ~d.last.status, fell = ~counters.status & d.last.status;
   if (fell & status_disarmed) say(LogLevel::info, "armed", "armed");
   if (rose & status_disarmed) say(LogLevel::info, "disarmed", "disarmed");
+  if (rose & status_rival)
+    say(LogLevel::error, "second_daemon",
+        "conflict: another daemon, or somebody who plays one, writes this device's forces; neither serves "
+        "it: stop "
+        "one of the two, or give it another domain or device id");
   if (rose & status_latched)
     say(LogLevel::warning, "latched", "latched: no force until its client lets go and asks again");
   if (rose & status_not_finite) say(LogLevel::error, "not_finite", "a force was not finite");

@@ -112,6 +112,8 @@ std::string prometheus_text(const ProcessMetrics& process, const std::vector<Met
   p.each("hapticd_haptic_answered_total", counter, "Ticks with a new valid device state.", &M::answered);
   p.each("hapticd_states_rejected_total", counter, "Device states that were refused.", &M::rejected);
   p.each("hapticd_conflicts_total", counter, "States of a second client.", &M::conflicts);
+  p.each("hapticd_foreign_forces_total", counter, "Forces that somebody else wrote for the device.",
+         &M::foreign_forces);
   p.each("hapticd_solver_caps_total", counter, "Contact solves that ended at their cap or deadline.",
          &M::solver_caps);
   p.each("hapticd_simulation_steps_total", counter, "Simulation steps.", &M::steps);
@@ -127,6 +129,8 @@ std::string prometheus_text(const ProcessMetrics& process, const std::vector<Met
 
   const char* gauge = "gauge";
   p.each("hapticd_armed", gauge, "1: a client feels forces.", &M::armed);
+  p.each("hapticd_second_daemon", gauge,
+         "1: no force, since somebody else writes the device's forces, or did.", &M::second_daemon);
   p.each("hapticd_simulation_rate_hertz", gauge, "Simulation steps per second since the start.",
          &M::simulation_rate_hz);
   p.each("hapticd_force_peak_newtons", gauge, "The largest force sent since the start.", &M::force_peak_n);

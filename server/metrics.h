@@ -5,9 +5,9 @@
 //   hapticd_haptic_state_age_seconds             histogram   of the device state that a tick answers
 //   hapticd_simulation_step_seconds              histogram   computing one simulation step
 //   hapticd_haptic_ticks_total, _slots_missed_total, _deadline_misses_total, _answered_total
-//   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_solver_caps_total
+//   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_foreign_forces_total, hapticd_solver_caps_total
 //   hapticd_simulation_steps_total, _overruns_total, hapticd_elements_removed_total, …
-//   hapticd_armed, hapticd_force_peak_newtons, hapticd_problem_age_seconds …     gauges
+//   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, hapticd_problem_age_seconds …     gauges
 //
 // A histogram's bounds are 2^k and 1.5·2^k ns, k = 12 … 27 (4 µs to 0.2 s): edges of the bins that the loops
 // count in (haptic/histogram.h), so nothing is smeared. Units: seconds, newtons, bytes. Errors: none.
@@ -23,9 +23,10 @@ namespace hapticd {
 struct MetricsSource {
   std::uint32_t device_id = 0;
   bool armed = false;
+  bool second_daemon = false;
   HistogramSnapshot wake, solve, state_age, problem_age, step;
   std::uint64_t ticks = 0, missed = 0, deadline_misses = 0, answered = 0, rejected = 0, conflicts = 0,
-                solver_caps = 0;
+                foreign_forces = 0, solver_caps = 0;
   std::uint64_t steps = 0, overruns = 0, removed = 0, aspirated = 0, bases = 0, bases_failed = 0;
   std::uint64_t page_faults = 0, recording_dropped = 0;
   double simulation_rate_hz = 0, force_peak_n = 0, penetration_max_m = 0;

@@ -10,7 +10,7 @@ namespace hapticd {
 namespace {
 
 constexpr auto relaxed = std::memory_order_relaxed;
-constexpr std::int64_t look_every_ns = 1'000'000'000;
+constexpr std::int64_t figures_every_ns = 1'000'000'000;
 
 LoopCounters counters_of(const Station& station) {
   const LoopStatistics& h = station.haptic_statistics();
@@ -65,16 +65,17 @@ void Service::run() {
     if (options_.test_hooks) test_hook(info);
     const std::int64_t now = monotonic_ns();
     if (pings_.due(now, counts())) notifier_.ping();
-    if (now - looked_ns_ >= look_every_ns) look(now);
+    look(now);
   }
 }
 
 void Service::look(std::int64_t now_ns) {
-  looked_ns_ = now_ns;
+  const bool figures = log_level_now() == LogLevel::debug && now_ns - figures_ns_ >= figures_every_ns;
+  if (figures) figures_ns_ = now_ns;
   for (const auto& station : daemon_.stations()) {
     const LoopCounters counters = counters_of(*station);
     for (const Incident& i : incidents_.look(now_ns, counters)) log(i.level, i.event, i.message, i.fields);
-    if (log_level_now() != LogLevel::debug) continue;
+    if (!figures) continue;
     const LoopStatistics& h = station->haptic_statistics();
     log(LogLevel::debug, "figures",
         "device " + std::to_string(counters.device_id) + ": " + std::to_string(h.run.load(relaxed)) +

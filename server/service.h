@@ -3,7 +3,7 @@
 //
 //   SIGTERM, SIGINT   end      SIGUSR1   figures to a file      SIGHUP   the scene again (reload.h);
 //                                                                   of a terminal that is closed: end
-//   each second       incidents (incidents.h); at level debug a line of figures
+//   each 0.1 s        incidents (incidents.h); at level debug a line of figures each second
 //
 // Thread safety: one thread, which is not a loop's. Errors: none of its own; a reload that fails is said, and
 // nothing changes.
@@ -47,7 +47,7 @@ class Service {
   const ServiceOptions options_;
   Incidents incidents_;
   WatchdogPings pings_;
-  std::int64_t looked_ns_ = 0;
+  std::int64_t figures_ns_ = 0;
 };
 
 // "ready, domain 7, secured"

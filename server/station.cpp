@@ -102,6 +102,8 @@ MetricsSource Station::metrics() const {
   m.answered = h.answered.load(relaxed);
   m.rejected = h.refused.load(relaxed);
   m.conflicts = h.conflicts.load(relaxed);
+  m.second_daemon = (h.status.load(relaxed) & status_rival) != 0;
+  m.foreign_forces = port_.foreign_forces();
   m.solver_caps = h.solver_caps.load(relaxed);
   m.steps = s.steps.load(relaxed);
   m.overruns = s.overruns.load(relaxed);
@@ -122,6 +124,7 @@ nlohmann::json Station::summary() const {
   const SimulationStatistics& s = simulation_.statistics();
   const HistogramSnapshot step = s.step.snapshot();
   j["device_id"] = device_.id;
+  j["foreign_forces"] = port_.foreign_forces();
   j["mode"] = options_.mode == LoopMode::event ? "event" : "tick";
   j["sim_rate_hz"] = s.rate_hz();
   j["sim_steps"] = s.steps.load();

@@ -28,7 +28,7 @@ DeviceClient::DeviceClient(const Participant& participant, const ClientSettings&
       answers_(static_cast<std::size_t>(slots)),
       commands_(static_cast<std::size_t>(slots)),
       writer_(participant),
-      reader_(participant) {
+      reader_(participant, settings.device_id, ForceReader::Side::client) {
   const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
                                                                                  &dds_delete_listener);
   dds_lset_data_available(listener.get(),
@@ -47,7 +47,7 @@ void DeviceClient::receive() noexcept {
   const int n = reader_.take_into(forces, infos);
   const std::int64_t now = monotonic_ns();
   for (std::size_t i = 0; static_cast<int>(i) < n; ++i)
-    if (infos[i].valid_data && forces[i].device_id == settings_.device_id) count(forces[i], now);
+    if (infos[i].valid_data) count(forces[i], now);
 }
 
 void DeviceClient::count(const hapticd_msg_ForceCommand& force, std::int64_t now_ns) noexcept {
@@ -210,7 +210,8 @@ void DeviceClient::check_end() const {
                                ": is that the scene's device id? (--device-id)");
     case Stage::not_armed:
       throw std::runtime_error("the daemon did not arm device " + id + ": status " +
-                               status_text(status_.load()));
+                               status_text(status_.load()) +
+                               (second_daemon() ? "; a second daemon serves this device" : ""));
     case Stage::silent:
       throw std::runtime_error("the daemon fell silent: no force for 2 s, at slot " +
                                std::to_string(reached_.load()) + " of " + std::to_string(book_.scheduled()));
@@ -245,10 +246,10 @@ void DeviceClient::run(SlotSource& source, const std::function<void(std::int64_t
 }
 
 std::string status_text(std::uint32_t status) {
-  static constexpr const char* names[] = {"disarmed",    "holding",      "ramping_down", "ramping_up",
-                                          "problem_old", "problem_lost", "gap",          "rejected",
-                                          "latched",     "conflict",     "saturated",    "slew_limited",
-                                          "not_finite",  "solver_cap",   "blending",     "contacts_dropped"};
+  static constexpr const char* names[] = {
+      "disarmed",   "holding",    "ramping_down", "ramping_up",       "problem_old",  "problem_lost",
+      "gap",        "rejected",   "latched",      "conflict",         "saturated",    "slew_limited",
+      "not_finite", "solver_cap", "blending",     "contacts_dropped", "second_daemon"};
   std::string text;
   for (std::size_t bit = 0; bit < std::size(names); ++bit)
     if (status >> bit & 1) text += (text.empty() ? "" : ", ") + std::string(names[bit]);

@@ -11,6 +11,8 @@
 //             the state is disposed of: the daemon then knows that its client is gone.
 // State numbers begin at the client's monotonic milliseconds and rise by one per slot, so that a client that
 // is started again never counts backwards.
+// Forces are taken from one daemon, the first that is heard (server/force_reader.h); that there is another
+// for this device is told by `second_daemon`.
 //
 // Threads: `run` starts one sender (SCHED_FIFO where permitted; `grant` says) and returns when it has
 // ended; forces are taken in Cyclone's receive thread as they come, so a round trip is timed at arrival.
@@ -28,6 +30,7 @@
 #include "haptic/channel.h"
 #include "haptic/device.h"
 #include "server/dds.h"
+#include "server/force_reader.h"
 #include "server/realtime.h"
 #include "tools/slots.h"
 
@@ -87,6 +90,8 @@ class DeviceClient {
   std::uint32_t status_seen() const noexcept { return status_seen_.load(); }  // all bits during the slots
   const Grant& grant() const noexcept { return grant_; }
   double phase_shift_us() const noexcept { return phase_shift_us_; }
+  // Somebody besides the daemon, or a second one, wrote forces for this device.
+  bool second_daemon() const noexcept { return reader_.strange_forces() > 0 || status_seen() & status_rival; }
   bool complete() const noexcept { return complete_; }  // neither interrupted nor left
 
   // Any time.
@@ -133,7 +138,7 @@ class DeviceClient {
   bool complete_ = false;
 
   Writer<hapticd_msg_DeviceState> writer_;
-  Reader<hapticd_msg_ForceCommand> reader_;  // last: its listener uses all of the above
+  ForceReader reader_;  // last: its listener uses all of the above
 };
 
 // "ramping_up, saturated" for the bits of a status; "none" for 0.

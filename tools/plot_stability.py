@@ -150,7 +150,8 @@ def shown(value):
 
 
 STATUS = ("disarmed holding ramping_down ramping_up problem_old problem_lost gap rejected latched conflict saturated "
-          "slew_limited not_finite solver_cap blending contacts_dropped").split()
+          "slew_limited not_finite solver_cap blending contacts_dropped "
+          "second_daemon").split()
 
 
 def verdict(mode):

@@ -146,6 +146,7 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
   json["contact_share"] = rounded(share(in_contact, book.answered()), 5);
   json["status_seen"] = client.status_seen();
   json["status_seen_text"] = status_text(client.status_seen());
+  json["second_daemon"] = client.second_daemon();
   json["elements_removed"] = status.elements_removed;
   json["fragments_aspirated"] = status.fragments_aspirated;
   json["phase_shift_us"] = rounded(client.phase_shift_us(), 1);
@@ -198,6 +199,14 @@ int finish(const Session& session, const SessionOptions& options, const nlohmann
   if (!options.snapshots.empty()) session.monitor.write_surfaces(options.snapshots);
   print(table);
   const SlotBook& book = session.client.book();
+  if (session.client.second_daemon()) {
+    std::fprintf(stderr,
+                 "haptic: two daemons, or one and somebody who plays one, serve device %u in domain %u: stop "
+                 "one of the "
+                 "two\n",
+                 options.client.device_id, options.client.domain);
+    return 1;
+  }
   if (!session.client.complete()) {
     std::fprintf(stderr, "haptic: interrupted before the end\n");
     return 1;

@@ -48,7 +48,7 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
 std::string forces_csv(const Session& session);
 
 // Writes the JSON and the other outputs asked for, prints the table, and returns the exit code: 0 if the run
-// is complete and answered as it should be, else 1 with the reason on stderr.
+// is complete, answered as it should be and by one daemon, else 1 with the reason on stderr.
 int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
            const Table& table);
 

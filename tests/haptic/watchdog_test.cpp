@@ -231,7 +231,7 @@ TEST_F(Watchdog, RefusedStatesAreAsIfTheyHadNotComeAndThreeInARowLatch) {
   EXPECT_EQ(state.refused, 5u);
   EXPECT_EQ(fed().status, status_latched | status_disarmed);  // a good state does not unlatch
   enable = false;
-  EXPECT_EQ(fed().status, status_disarmed);                   // seeing enable false does
+  EXPECT_EQ(fed().status, status_disarmed);  // seeing enable false does
   enable = true;
   EXPECT_EQ(fed().status, status_ramping_up);
 }
@@ -262,6 +262,50 @@ TEST_F(Watchdog, ConflictShowsFor100msAndChangesNothingForTheFirst) {
   EXPECT_EQ(state.conflicts, 1u);
   for (int i = 1; i < 100; ++i) EXPECT_EQ(fed().status, status_conflict);
   EXPECT_EQ(fed().status, 0u);
+}
+
+// As after 10 ms without a state: zero in 5 ms, disarmed and latched after 90.
+TEST_F(Watchdog, ASecondDaemonLetsTheForceDownAndLatches) {
+  arm();
+  const auto heard = [&](bool rival) {
+    WatchdogInput in = input(true, ms);
+    in.presence.rival = rival;
+    return tick(in);
+  };
+  for (int i = 0; i < 90; ++i) {
+    const Verdict v = heard(i < 3);
+    EXPECT_EQ(v.render, Render::hold) << i;
+    EXPECT_EQ(v.status, status_ramping_down | status_rival) << i;
+    EXPECT_NEAR(v.gain, std::max(0.0, 1 - 0.2 * (i + 1)), 1e-12) << i;
+  }
+  for (int i = 0; i < 200; ++i) {
+    const Verdict v = heard(false);
+    EXPECT_EQ(v.render, Render::zero);
+    EXPECT_EQ(v.status, status_disarmed | status_rival | status_latched);
+  }
+  enable = false;
+  heard(true);  // let go, but it is heard again
+  enable = true;
+  EXPECT_EQ(heard(false).status, status_disarmed | status_rival | status_latched);
+  enable = false;
+  EXPECT_EQ(heard(false).status, status_disarmed);
+  enable = true;
+  EXPECT_EQ(heard(false).status, status_ramping_up);
+}
+
+TEST_F(Watchdog, NothingIsArmedBesideASecondDaemonNorBeforeThereWasTimeToHearOne) {
+  const auto tick_with = [&](bool rival, bool settled) {
+    WatchdogInput in = input(true, ms);
+    in.presence.new_client = !state.has_sample;
+    in.presence.rival = rival;
+    in.presence.settled = settled;
+    return tick(in);
+  };
+  for (int i = 0; i < 300; ++i) EXPECT_EQ(tick_with(false, false).status, status_disarmed);
+  EXPECT_EQ(tick_with(true, true).status, status_disarmed | status_rival | status_latched);
+  state = {};
+  for (int i = 0; i < 300; ++i) EXPECT_EQ(tick_with(false, false).status, status_disarmed);
+  EXPECT_EQ(tick_with(false, true).status, status_ramping_up);
 }
 
 TEST_F(Watchdog, ClientGoneIsZeroInTheSameTickAndTheNextClientArms) {

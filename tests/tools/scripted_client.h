@@ -1,7 +1,7 @@
 // A device on DDS whose every state a test decides, and all that it was answered.
 //
 // A thread sends the present state each millisecond; `next` may bend one before it leaves. Forces are kept as
-// they come, in Cyclone's receive thread.
+// they come, in Cyclone's receive thread, from the first daemon heard alone.
 #pragma once
 
 #include <atomic>
@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "haptic/loop.h"
-#include "server/dds.h"
+#include "server/force_reader.h"
 
 namespace hapticd {
 
@@ -22,7 +22,7 @@ class ScriptedClient {
   using Force = hapticd_msg_ForceCommand;
 
   explicit ScriptedClient(const Participant& participant, std::uint32_t device_id = 0)
-      : writer_(participant), reader_(participant) {
+      : writer_(participant), reader_(participant, device_id, ForceReader::Side::client) {
     state_.device_id = device_id;
     state_.orientation[3] = 1;
     state_.position[2] = 0.030;
@@ -80,6 +80,7 @@ class ScriptedClient {
     const std::lock_guard lock(receiving_);
     return {forces_.begin() + static_cast<std::ptrdiff_t>(std::min(from, forces_.size())), forces_.end()};
   }
+  std::uint64_t strange_forces() const { return reader_.strange_forces(); }
   std::size_t count() const {
     const std::lock_guard lock(receiving_);
     return forces_.size();
@@ -122,8 +123,7 @@ class ScriptedClient {
     const int n = reader_.take_into(taken, infos);
     const std::lock_guard lock(receiving_);
     for (int i = 0; i < n; ++i)
-      if (infos[static_cast<std::size_t>(i)].valid_data &&
-          taken[static_cast<std::size_t>(i)].device_id == state_.device_id)
+      if (infos[static_cast<std::size_t>(i)].valid_data)
         forces_.push_back(taken[static_cast<std::size_t>(i)]);
   }
 
@@ -136,7 +136,7 @@ class ScriptedClient {
   std::vector<Force> forces_;
   std::atomic<bool> stopping_{false};
   Writer<State> writer_;
-  Reader<Force> reader_;
+  ForceReader reader_;
   std::thread thread_;
 };
 

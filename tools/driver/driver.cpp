@@ -4,12 +4,13 @@
 #include <time.h>
 
 #include <algorithm>
-#include <atomic>
-#include <csignal>
 #include <optional>
 
-#include "server/dds.h"
+#include "server/device_reader.h"
+#include "server/force_reader.h"
+#include "server/paths.h"
 #include "server/realtime.h"
+#include "tools/driver/ending.h"
 #include "tools/driver/force_watch.h"
 
 namespace hapticd {
@@ -18,7 +19,15 @@ namespace {
 constexpr std::int64_t period_ns = 1'000'000;
 constexpr std::int64_t margin_ns = 100'000;  // left of a slot when waiting for its answer ends
 constexpr int fifo_priority = 50;            // below the daemon's loop (80) and Cyclone's threads (70, 60)
-constexpr std::uint32_t disarmed_bit = 1u << 0, latched_bit = 1u << 8;  // hapticd::Status
+
+DeviceSettings limits_of(const std::string& device) {
+  if (device.empty())
+    throw std::invalid_argument(
+        "DriverOptions::device is empty: whose limits may its forces reach? Name a file of config/devices "
+        "(touch, "
+        "omega_6, …) or give one of your own, with a slash or .yaml in it");
+  return read_device(device_path(device, std::filesystem::current_path())).limits;
+}
 
 std::int64_t now_ns() noexcept {
   timespec t;
@@ -26,41 +35,19 @@ std::int64_t now_ns() noexcept {
   return 1'000'000'000 * t.tv_sec + t.tv_nsec;
 }
 
-volatile std::sig_atomic_t asked_to_end = 0;
-static_assert(std::atomic<std::sig_atomic_t>::is_always_lock_free);
-
-// Signals that end a run, while it lives.
-class EndingSignals {
- public:
-  EndingSignals() {
-    asked_to_end = 0;
-    struct sigaction action {};
-    action.sa_handler = [](int) { asked_to_end = 1; };
-    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &action, &before_[i]);
-  }
-  ~EndingSignals() {
-    for (std::size_t i = 0; i < signals.size(); ++i) sigaction(signals[i], &before_[i], nullptr);
-  }
-  EndingSignals(const EndingSignals&) = delete;
-  EndingSignals& operator=(const EndingSignals&) = delete;
-
- private:
-  static constexpr std::array<int, 3> signals = {SIGINT, SIGTERM, SIGHUP};
-  std::array<struct sigaction, 3> before_{};
-};
-
 class Driver {
  public:
-  Driver(HapticDevice& device, const DriverOptions& options)
+  Driver(HapticDevice& device, const DriverOptions& options, const DeviceSettings& limits, Ending& ending)
       : device_(device),
         options_(options),
+        ending_(ending),
         domain_(options.domain, default_dds_profile()),
         participant_(domain_, options.keys.empty() ? std::nullopt
                                                    : std::optional(security_files(options.keys, "device"))),
         states_(participant_),
-        forces_(participant_),
+        forces_(participant_, options.device_id, ForceReader::Side::client),
         arrival_(require(dds_create_waitset(participant_.handle()), "a waitset")),
-        watch_(options.max_force) {
+        watch_(limits) {
     require(dds_set_status_mask(forces_.handle(), DDS_DATA_AVAILABLE_STATUS), "a status mask");
     require(dds_waitset_attach(arrival_.handle(), forces_.handle(), 0), "a waitset");
     state_.device_id = options.device_id;
@@ -72,6 +59,7 @@ class Driver {
       device_.write({});
     } catch (...) {  // the first exception is the one to tell
     }
+    ending_.at_zero();
     state_.enable = false;
     send();
     states_.dispose(state_);
@@ -92,7 +80,7 @@ class Driver {
     for (;; next += period_ns * (1 + std::max<std::int64_t>(0, (now_ns() - next) / period_ns))) {
       const timespec t{next / 1'000'000'000, next % 1'000'000'000};
       clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr);
-      if (asked_to_end) return ended(DriverReport::End::signal);
+      if (ending_.asked()) return ended(DriverReport::End::signal);
       if (next >= end) return ended(DriverReport::End::duration);
       Reading reading;
       if (!device_.read(reading)) return ended(DriverReport::End::device_lost);
@@ -103,10 +91,12 @@ class Driver {
  private:
   void slot(const Reading& reading, std::int64_t until_ns) {
     const std::uint32_t status = watch_.status();
+    watch_.slot(forces_.stranger(now_ns()), reading.enable);
     std::copy(reading.position.begin(), reading.position.end(), state_.position);
     std::copy(reading.orientation.begin(), reading.orientation.end(), state_.orientation);
     state_.buttons = reading.buttons;
-    state_.enable = arming_.enable(now_ns(), reading.enable, status & disarmed_bit, status & latched_bit);
+    state_.enable = arming_.enable(now_ns(), reading.enable, status & status_disarmed,
+                                   (status & status_latched) || watch_.latched());
     send();
     ++report_.sent;
     // An answer to the state before may come first; it is felt too.
@@ -118,7 +108,7 @@ class Driver {
         written = true;
       }
       const std::int64_t left = until_ns - now_ns();
-      if (watch_.answered() == state_.number || left <= 0 || asked_to_end) break;
+      if (watch_.answered() == state_.number || left <= 0 || ending_.asked()) break;
       dds_waitset_wait(arrival_.handle(), nullptr, 0, left);
     }
     if (!written) device_.write(watch_.feel(now_ns()));
@@ -140,7 +130,7 @@ class Driver {
     for (int i = 0; i < n; ++i) {
       const auto k = static_cast<std::size_t>(i);
       const hapticd_msg_ForceCommand& f = forces[k];
-      if (!infos[k].valid_data || f.device_id != options_.device_id) continue;
+      if (!infos[k].valid_data) continue;
       const Feel feel{
           {f.force[0], f.force[1], f.force[2]}, {f.torque[0], f.torque[1], f.torque[2]}, f.status};
       fresh |= watch_.heard(now_ns(), f.echo_number, f.echo_client_time_ns, feel);
@@ -150,6 +140,7 @@ class Driver {
 
   DriverReport ended(DriverReport::End end) {
     report_.end = end;
+    report_.strange_forces = forces_.strange_forces();
     report_.silences = watch_.silences();
     report_.longest_silence_ms = 1e-6 * static_cast<double>(watch_.longest_silence_ns());
     return report_;
@@ -157,10 +148,11 @@ class Driver {
 
   HapticDevice& device_;
   DriverOptions options_;
+  Ending& ending_;
   Domain domain_;
   Participant participant_;
   Writer<hapticd_msg_DeviceState> states_;
-  Reader<hapticd_msg_ForceCommand> forces_;
+  ForceReader forces_;
   DdsEntity arrival_;
   ForceWatch watch_;
   Arming arming_;
@@ -171,8 +163,9 @@ class Driver {
 }  // namespace
 
 DriverReport run_driver(HapticDevice& device, const DriverOptions& options) {
-  const EndingSignals signals;
-  Driver driver(device, options);
+  const DeviceSettings limits = limits_of(options.device);
+  Ending ending(device);
+  Driver driver(device, options, limits, ending);
   return driver.run();
 }
 

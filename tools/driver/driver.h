@@ -3,14 +3,16 @@
 //   every 1 ms:  read → send → wait for the answer until the millisecond is over → write
 //
 // What is done for you: stamps and numbers; arming, and arming again after a silence (not after a latch:
-// that takes `enable` false, then true, from you); forces that answer another client are not felt; the force
-// is zero when none has come for 10 ms, when one is not finite, and as the last thing written, whatever ends
-// the run: SIGINT, SIGTERM, SIGHUP, a failing device, an exception of yours. What cannot be done in a process
-// that is killed or crashes: let the device's own electronics drop the force when nothing is written.
-// Units: m, N, N·m. Device frame: the device's own, the scene maps it (config/README.md, `mapping`).
-// Threads: read and write are called on the thread that calls run_driver. Guarantee: no allocation of its
-// own between two slots; SCHED_FIFO where it is granted.
-// Errors: run_driver throws std::runtime_error (DDS), InputError (keys), and what read or write throw.
+// that takes `enable` false, then true, from you); forces that answer another client are not felt, nor those
+// of a second daemon; each force is within the device's limits, in size and in change. It goes to zero at the
+// slew limit, and stays there, when a second daemon is heard. It is zero at once when none has come for 9 ms,
+// when one is not finite, and as the last thing written, whatever ends the run: a signal, a failing device,
+// an exception of yours, exit(), an abort or a crash in any thread (ending.h). What SIGKILL leaves standing
+// the device's own electronics must drop. Units: m, N, N·m. Device frame: the device's own, the scene maps it
+// (config/README.md, `mapping`). Threads: read and write are called on the thread that calls run_driver.
+// Guarantee: no allocation of its own between two slots; SCHED_FIFO where it is granted. After a crash in
+// another thread `write` may be called on that one. Errors: run_driver throws std::invalid_argument (no
+// device named), InputError (its file, keys), std::runtime_error (DDS), and what read or write throw.
 #pragma once
 
 #include <array>
@@ -41,10 +43,11 @@ class HapticDevice {
 };
 
 struct DriverOptions {
+  // Whose limits hold: a name of config/devices ("touch"), or a file like those. Required.
+  std::string device;
   std::uint32_t domain = 0;
   std::uint32_t device_id = 0;
   std::filesystem::path keys;  // of a daemon with --secure; empty: none
-  double max_force = 0;        // a second limit, beside the daemon's [N]; 0: none
   double duration = 0;         // [s]; 0: until a signal
   bool realtime = true;        // ask for SCHED_FIFO 50
 };
@@ -53,7 +56,8 @@ struct DriverReport {
   std::uint64_t sent = 0, answered = 0;  // states
   std::uint64_t silences = 0;            // times that no force had come for 10 ms, after the first one
   double longest_silence_ms = 0;
-  std::string realtime_refused;  // empty: granted, or not asked for
+  std::uint64_t strange_forces = 0;  // of a second daemon for this device: not felt
+  std::string realtime_refused;      // empty: granted, or not asked for
   enum class End { signal, device_lost, duration } end = End::signal;
 };
 

@@ -28,6 +28,7 @@ class SineDevice final : public hapticd::HapticDevice {
 int main(int argc, char** argv) try {
   SineDevice device;
   hapticd::DriverOptions options;
+  options.device = "touch";  // your device's limits: a file of config/devices, or one like it
   if (argc > 1) options.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
   if (argc > 2) options.keys = argv[2];
   const hapticd::DriverReport report = hapticd::run_driver(device, options);
@@ -35,6 +36,7 @@ int main(int argc, char** argv) try {
               static_cast<unsigned long long>(report.sent), static_cast<unsigned long long>(report.answered),
               report.longest_silence_ms);
   std::printf("peak force %.4f N, last force written %.4f N\n", device.peak(), device.newest());
+  if (report.strange_forces > 0) std::printf("a second daemon wrote forces for this device: none was felt\n");
 } catch (const std::exception& error) {
   std::fprintf(stderr, "example_driver: %s\n", error.what());
   return 1;

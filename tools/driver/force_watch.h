@@ -1,6 +1,10 @@
 // The driver's two decisions as pure state machines: what the device may feel, and when to ask for force.
 //
-//   feel:    the newest force that answers a state of ours, for 10 ms after it came; else zero
+//   feel:    the newest force that answers a state of ours, within the device's limits (haptic/limits.h):
+//              ‖F‖ ≤ max_force, ‖τ‖ ≤ max_torque, all changes in one slot together ≤ max_force_rate · 1 ms
+//            to zero within that rate, latched, while a second daemon is heard (`slot`)
+//            zero at once where no force came for 9 ms, so that no device holds one for longer than 10 ms,
+//            and where one is not finite
 //   enable:  false for the first 50 ms, then what the reading says; but when the daemon has kept the device
 //            disarmed for 300 ms without a latch, false for 20 ms, so that it sees an edge and arms again
 //
@@ -9,18 +13,25 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 
+#include "haptic/limits.h"
 #include "tools/driver/driver.h"
 
 namespace hapticd {
 
-inline constexpr std::int64_t force_silence_ns = 10'000'000;
+inline constexpr std::int64_t force_silence_ns = 9'000'000;
+inline constexpr double slot_s = 1e-3;
 
 class ForceWatch {
  public:
-  explicit ForceWatch(double max_force) noexcept : max_force_(max_force) {}
+  explicit ForceWatch(const DeviceSettings& limits) noexcept : limits_(limits) {}
+
+  // A slot begins. second_daemon: one is heard; enable: the reading's, whose false unlatches when none is.
+  void slot(bool second_daemon, bool enable) noexcept {
+    left_s_ = slot_s;
+    latched_ = second_daemon || (latched_ && enable);
+  }
 
   void sent(std::uint64_t number, std::int64_t time_ns) noexcept {
     state_[number % state_.size()] = {number, time_ns};
@@ -33,21 +44,43 @@ class ForceWatch {
     if (heard_ns_ > 0) longest_ns_ = std::max(longest_ns_, now_ns - heard_ns_);
     heard_ns_ = now_ns;
     silent_ = false;
-    feel_ = limited(feel);
+    wanted_ = {Vec3(feel.force.data()), Vec3(feel.torque.data())};
+    status_ = feel.status;
     const bool fresh = number > answered_;
     answered_ = std::max(answered_, number);
     return fresh;
   }
 
+  // What to write to the device now.
   Feel feel(std::int64_t now_ns) noexcept {
-    if (heard_ns_ > 0 && now_ns - heard_ns_ < force_silence_ns) return feel_;
-    if (heard_ns_ > 0 && !silent_) ++silences_;
-    silent_ = true;
-    return {};
+    const std::uint32_t status = status_ | (latched_ ? std::uint32_t{status_rival} : 0u);
+    if (heard_ns_ == 0 || now_ns - heard_ns_ >= force_silence_ns) {
+      silences_ += heard_ns_ > 0 && !silent_;
+      silent_ = true;
+      felt_ = {};
+      return {{}, {}, latched_ ? status : std::uint32_t{status_disarmed}};
+    }
+    if (!is_finite(wanted_)) {
+      felt_ = {};
+      return {{}, {}, status | status_not_finite};
+    }
+    bool hit = false;
+    const Wrench to = latched_ ? Wrench{} : saturated(limits_, wanted_, hit);
+    const Wrench before = felt_;
+    felt_ = slew_limited(limits_, before, to, left_s_, hit);
+    left_s_ = std::max(0.0, left_s_ - time_for(felt_ - before));
+    Feel out;
+    out.status = status;
+    for (int i = 0; i < 3; ++i) {
+      out.force[static_cast<std::size_t>(i)] = felt_.force[i];
+      out.torque[static_cast<std::size_t>(i)] = felt_.torque[i];
+    }
+    return out;
   }
 
   std::uint64_t answered() const noexcept { return answered_; }  // number of the newest state answered
-  std::uint32_t status() const noexcept { return feel_.status; }
+  std::uint32_t status() const noexcept { return status_; }
+  bool latched() const noexcept { return latched_; }
   std::uint64_t silences() const noexcept { return silences_; }
   std::int64_t longest_silence_ns() const noexcept { return longest_ns_; }
 
@@ -57,28 +90,22 @@ class ForceWatch {
     std::int64_t time_ns = 0;
   };
 
-  Feel limited(Feel feel) const noexcept {
-    double square = 0;
-    bool finite = true;
-    for (int i = 0; i < 3; ++i) {
-      square += feel.force[i] * feel.force[i];
-      finite = finite && std::isfinite(feel.force[i]) && std::isfinite(feel.torque[i]);
-    }
-    if (!finite) return {{}, {}, feel.status};
-    if (max_force_ > 0 && square > max_force_ * max_force_) {
-      const double scale = max_force_ / std::sqrt(square);
-      for (double& f : feel.force) f *= scale;
-      for (double& t : feel.torque) t *= scale;
-    }
-    return feel;
+  // How long a change takes at the slew limit [s].
+  double time_for(const Wrench& change) const noexcept {
+    const double force = change.force.norm() / limits_.max_force_rate;
+    if (limits_.max_torque <= 0) return force;
+    const double torque_rate = limits_.max_force_rate * limits_.max_torque / limits_.max_force;
+    return std::max(force, change.torque.norm() / torque_rate);
   }
 
-  double max_force_;
+  const DeviceSettings limits_;
   std::array<State, 256> state_{};  // a quarter of a second: an older echo is not felt
-  Feel feel_;
+  Wrench wanted_, felt_;
+  std::uint32_t status_ = 0;
+  double left_s_ = slot_s;  // of this slot, for changes
   std::uint64_t answered_ = 0, silences_ = 0;
   std::int64_t heard_ns_ = 0, longest_ns_ = 0;
-  bool silent_ = false;
+  bool silent_ = false, latched_ = false;
 };
 
 class Arming {

@@ -51,7 +51,7 @@ endif()
 # Libraries: hapticd::physics and hapticd::haptic, and hapticd::driver for devices.
 set_target_properties(hapticd_flags PROPERTIES EXPORT_NAME flags)
 set_target_properties(haptic_driver PROPERTIES EXPORT_NAME driver)
-install(TARGETS hapticd_flags physics haptic idl wire haptic_driver EXPORT hapticdTargets
+install(TARGETS hapticd_flags physics limits haptic idl wire device_file haptic_driver EXPORT hapticdTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/hapticd COMPONENT development)
 install(DIRECTORY physics haptic DESTINATION ${HEADERS} COMPONENT development FILES_MATCHING PATTERN "*.h")
 install(FILES server/dds.h server/dds_security.h server/realtime.h DESTINATION ${HEADERS}/server COMPONENT development)
@@ -95,7 +95,7 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA "${HERE}/postinst;${HERE}/prerm;$
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libhapticd-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libsuitesparse-dev, libopenblas-dev, libfcl-dev, \
-libccd-dev, liboctomap-dev, libboost-dev, cyclonedds-dev, cmake, pkg-config")
+libccd-dev, liboctomap-dev, libboost-dev, cyclonedds-dev, libyaml-cpp-dev, cmake, pkg-config")
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "haptic server for soft tissue that is being cut
  A daemon with two loops: co-rotational finite elements at 50 Hz, and their contact with an
  instrument solved again at 1 kHz for each new pose of a haptic device, over DDS.

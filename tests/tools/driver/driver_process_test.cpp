@@ -57,6 +57,7 @@ class DriverProcess : public testing::Test {
  protected:
   DriverProcess() : domain_(static_cast<std::uint32_t>(40 + getpid() % 60)) {
     options_.domain = domain_;
+    options_.device = "touch";
     options_.duration = 20;
     start();
   }

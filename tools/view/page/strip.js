@@ -14,7 +14,8 @@ for (let q = 0; q < 56; ++q) BEGINS.push(2 ** (10 + Math.floor(q / 4)) * (1 + (q
 
 // haptic/device.h
 const BITS = ['disarmed', 'holding', 'ramping down', 'ramping up', 'problem old', 'problem lost', 'gap', 'rejected',
-  'latched', 'conflict', 'saturated', 'slew limited', 'not finite', 'solver cap', 'blending', 'contacts dropped'];
+  'latched', 'conflict', 'saturated', 'slew limited', 'not finite', 'solver cap', 'blending', 'contacts dropped',
+  'second daemon'];
 const ORDINARY = new Set([0, 3, 10, 11, 14]);
 
 const us = x => Number.isNaN(x) ? '–' : x < 100 ? x.toFixed(0) : String(Number(x.toPrecision(2)));
