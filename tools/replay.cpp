@@ -85,7 +85,8 @@ int replay(ReplayOptions& options, bool device_id_given) {
     throw UsageError(options.file + ": lasts " + fixed(duration, 0) + " s; at most " +
                      fixed(max_duration, 0) + " s can be replayed in one run");
   options.session.client.enable = !options.no_enable;
-  prepare(options.session);
+  prepare(options.session, options.file);
+  OutputRule(options.session.force).require_folder_without("--vtk", options.vtk, "");
 
   ReplaySource source(trajectory, options.speed);
   nlohmann::ordered_json json;
