@@ -47,7 +47,7 @@ struct InstrumentInput {
 enum Status : std::uint32_t {
   status_disarmed = 1u << 0,          // no force is being rendered
   status_holding = 1u << 1,           // no device state for 3 ms: last force held
-  status_ramping_down = 1u << 2,      // no device state for 10 ms
+  status_ramping_down = 1u << 2,      // no device state for 10 ms; or on the way to zero within the slew limit
   status_ramping_up = 1u << 3,        // after arming
   status_problem_old = 1u << 4,       // condensed problem older than 60 ms: damping only
   status_problem_lost = 1u << 5,      // older than 200 ms: zero

@@ -142,6 +142,25 @@ ForceSample silence(ForceSample answer, HapticState& s) noexcept {
   return answer;
 }
 
+// Silence, once the force that was sent has gone to zero within the slew limit. Until then it is not
+// `disarmed`.
+ForceSample release(ForceSample answer, const DeviceSettings& device, double period,
+                    HapticState& s) noexcept {
+  bool slew = false;
+  const Wrench left = slew_limited(device, s.sent, {}, period, slew);
+  const PassivityState passivity = s.passivity;
+  answer = silence(answer, s);
+  if (!slew || device.max_force_rate <= 0 || device.max_force <= 0) return answer;
+  s.passivity = passivity;
+  s.sent = left;
+  answer.force = left.force;
+  answer.torque = left.torque;
+  answer.energy = passivity.energy;
+  answer.status =
+      (answer.status & ~std::uint32_t{status_disarmed}) | status_ramping_down | status_slew_limited;
+  return answer;
+}
+
 ForceSample not_finite(ForceSample answer, HapticState& s) noexcept {
   latch_not_finite(s.watchdog);
   answer.status |= status_not_finite | status_latched | status_disarmed;
@@ -162,6 +181,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
   ForceSample answer = answer_to(verdict, problem, s);
   if (verdict.render == Render::zero) return silence(answer, s);
   observe(s.passivity, s.watchdog.sample.pose, s.sent);
+  if (verdict.render == Render::release) return release(answer, device, period, s);
 
   // compute
   Wrench wrench = s.rendered;

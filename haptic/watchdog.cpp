@@ -139,11 +139,13 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
   }
   if (!s.armed) {
     v.status |= status_disarmed | fault_bits(s, input.now_ns);
+    v.render = s.sample.enable ? Render::release : Render::zero;
     return v;
   }
 
   if (problem_lost) {
     s.gain = 0;
+    v.render = Render::release;
     return v;
   }
   if (age >= limits.ramp_after_ns) {

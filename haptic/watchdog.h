@@ -2,15 +2,17 @@
 //
 //   event                                        | the device feels
 //   ---------------------------------------------|------------------------------------------------------
-//   no valid state for 3 / 10 / 100 ms           | last force held / ramp to zero in 5 ms / disarmed
-//   problem older than 60 / 200 ms               | damping only, F = −b v / zero
+//   no valid state for 3 / 10 / 100 ms           | last force held / ramp to zero in 5 ms / release, disarmed
+//   problem older than 60 / 200 ms               | damping only, F = −b v / release
 //   own gap ≥ 5 ms                               | that tick counts its state as old as the gap
-//   state refused (sample_check.h)               | it is as if it had not come; three in a row: zero, latched
+//   state refused (sample_check.h)               | it is as if it had not come; three in a row: release, latched
 //   second client                                | nothing; status_conflict for 100 ms
 //   second daemon for the device                 | to zero as after 10 ms without a state, latched
 //   client gone, enable false                    | zero in the same tick
 //   a force is not finite (latch_not_finite)     | zero in the same tick, latched
 //
+// Release: to zero as fast as the device's slew limit allows. Only three rows step to zero: nobody is there to feel
+// the step (client gone), the client asks for it (enable false: a driver's stop), or no number is to be trusted.
 // Arming: an enable that is the first valid state of a new client, or that was seen going false →
 // true, arms as soon as the problem is alive (younger than 60 ms) and nothing is latched; the gain
 // then rises 0 → 1 in 100 ms. After disarming by age only false → true arms again. Seeing enable
@@ -41,7 +43,7 @@ struct WatchdogLimits {
 };
 
 // What the device is to feel, before the gain.
-enum class Render : std::uint8_t { zero, hold, damp, contact };
+enum class Render : std::uint8_t { zero, release, hold, damp, contact };
 
 struct WatchdogInput {
   std::int64_t now_ns = 0;

@@ -17,7 +17,8 @@ DeviceBag::DeviceBag(const std::filesystem::path& directory, std::uint32_t devic
 void DeviceBag::note(const ForceRecord& r) noexcept {
   const std::int64_t time_ns = r.time_ns + offset_ns_;
   if (r.force.answers) {
-    stamp_.ns = r.instrument.received_ns + offset_ns_;
+    stamp_.ns = client_.stamp(r.force.echo_sequence, r.force.echo_client_time_ns, r.instrument.received_ns) +
+                offset_ns_;
     put_pose(cdr_, stamp_, r.device);
     bag_.write(pose_, time_ns, cdr_.bytes());
     if (!began_ || r.instrument.buttons != buttons_) {

@@ -6,15 +6,16 @@
 //   /haptic/<id>/buttons   Joy              when they change, and at the first pose
 //   /diagnostics           DiagnosticArray  as given
 //
-// The bag's own timestamp of all messages of a tick is the tick's intended time, so that pose and wrench of
-// one tick find each other; in the header a pose says when the state came. frame_id: "haptic_<id>". Times:
-// CLOCK_MONOTONIC plus an offset that stays what it was at the beginning: stamps are ns since 1970, and a
-// wall clock that is set meanwhile bends none of them.
-// Thread safety: one thread. Errors: the constructor throws InputError; after that, see bag_writer.h.
+// The bag's own timestamp of all messages of a tick is the tick's time, so that pose and wrench of one tick
+// find each other; in the header a pose has its client's own time (client_clock.h). frame_id: "haptic_<id>".
+// Times: CLOCK_MONOTONIC plus an offset that stays what it was at the beginning: stamps are ns since 1970,
+// and a wall clock that is set meanwhile bends none of them. Thread safety: one thread. Errors: the
+// constructor throws InputError; after that, see bag_writer.h.
 #pragma once
 
 #include "haptic/loop.h"
 #include "server/bag_writer.h"
+#include "server/client_clock.h"
 #include "server/ros2_messages.h"
 
 namespace hapticd {
@@ -34,6 +35,7 @@ class DeviceBag {
   const std::int64_t offset_ns_;
   const std::string hardware_;
   Stamp stamp_;
+  ClientClock client_;
   CdrWriter cdr_;
   BagWriter bag_;
   int pose_, wrench_, joy_, diagnostics_;

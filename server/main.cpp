@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
-#include <fstream>
 #include <iostream>
 #include <new>
 
@@ -21,6 +20,7 @@
 #include "server/log.h"
 #include "server/metrics_server.h"
 #include "server/notify.h"
+#include "server/output_file.h"
 #include "server/plan.h"
 #include "server/realtime.h"
 #include "server/reload.h"
@@ -43,6 +43,7 @@ struct Arguments {
   std::uint32_t domain = 0;
   std::string device, record, capture, json, secure, log, metrics;
   std::uint64_t capture_every = 0;
+  bool force = false;
   std::vector<std::string> also;
 };
 
@@ -73,6 +74,8 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option(
       "--json", a.json,
       "Write the run's figures to this file at the end, and at each SIGUSR1; with --check the plan");
+  app.add_flag("--force", a.force,
+               "Write over files of --record FILE.csv, --capture and --json that are there already");
   app.add_option("--log", a.log,
                  "Lines for a person (human) or a program (json); default: human on a terminal")
       ->check(CLI::IsMember({"human", "json"}));
@@ -121,13 +124,13 @@ sigset_t block_signals() {
 }
 
 // Whole or not at all: who asked by SIGUSR1 waits for the file to appear.
-void write_json(const std::string& file, const auto& json) {
-  const std::string beside = file + ".part";
-  std::ofstream out(beside);
-  out << json.dump(2) << '\n';
-  out.close();
-  if (!out || std::rename(beside.c_str(), file.c_str()) != 0)
-    throw std::runtime_error("cannot write " + file);
+void write_json(const std::string& file, const auto& json) { write_file(file, json.dump(2) + '\n'); }
+
+void check_outputs(const Arguments& a) {
+  const OutputRule rule(a.force);
+  rule.require_figures("--json", a.json);
+  if (std::filesystem::path(a.record).extension() == ".csv") rule.require_new("--record", a.record);
+  rule.require_folder_without("--capture", a.capture, ".contact");
 }
 
 void write_figures(const Daemon& daemon, const std::string& file) { write_json(file, daemon.summary()); }
@@ -188,6 +191,7 @@ int run(const Arguments& a) {
   const bool human = logs_for_a_person(a);
   set_log_format(human ? LogFormat::human : LogFormat::json);
   require_address_space();
+  check_outputs(a);
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));

@@ -74,7 +74,8 @@ double softest_node(const SceneBody& body) {
 
 class Planner {
  public:
-  explicit Planner(const Scene& scene) : begun_(std::chrono::steady_clock::now()) {
+  Planner(const Scene& scene, const PlanOptions& options)
+      : begun_(std::chrono::steady_clock::now()), options_(options) {
     plan_.scene = scene;
     chooses_ = scene.plans;
     plan_.scene.plans = false;
@@ -158,7 +159,8 @@ class Planner {
     plan_.stroke = stroke_.text;
     reference_ = run_reference(scene(), stroke_, every_ms_);
     now_ = run_pilot(scene(), stroke_);
-    error_ = rigid_error_ + force_error(reference_, now_, every_ms_);
+    whole_jump_ = jump_of(now_);
+    error_ = error_of(now_);
     // Where the whole model misses the accuracy, nothing says that what looks no worse is.
     allowed_ = error_ <= scene().accuracy ? std::max(kept_back * scene().accuracy, no_better * error_) : 0;
     whole_error_ = error_;
@@ -166,6 +168,13 @@ class Planner {
                            [](const Vec3& f) { return f.squaredNorm() > 0; });
     // An error of nothing would allow everything.
     if (!touches_) chooses_ = false;
+  }
+
+  double jump_of(const PilotRun& run) const {
+    return swap_jump(reference_.force, every_ms_, run.force, run.swapped);
+  }
+  double error_of(const PilotRun& run) const {
+    return rigid_error_ + felt_error(force_error(reference_, run, every_ms_), jump_of(run), whole_jump_);
   }
 
   bool in_time(const PilotRun& run) const {
@@ -178,8 +187,10 @@ class Planner {
     Scene candidate = scene();
     change(candidate);
     const PilotRun run = run_pilot(candidate, stroke_);
-    const double error = rigid_error_ + force_error(reference_, run, every_ms_);
-    const bool exact_enough = error <= allowed_, cheaper_too = run.cost_ms < worth_it * now_.cost_ms;
+    const double error = error_of(run);
+    const bool idle = now_.worst_step_ms < options_.idle_share * 1e3 / scene().rate;
+    const double most = idle ? std::min(allowed_, no_better * whole_error_) : allowed_;
+    const bool exact_enough = error <= most, cheaper_too = run.cost_ms < worth_it * now_.cost_ms;
     const bool needed = !in_time(now_) && in_time(run);
     const std::string measured =
         format("%.2f ms and error %.2g against %.2f ms and %.2g", run.cost_ms, error, now_.cost_ms, error_);
@@ -194,9 +205,10 @@ class Planner {
     }
     say(term, richer,
         std::string(cheaper) + " would cost " + measured +
-            (allowed_ == 0   ? std::string(": kept whole, for even that misses the accuracy")
-             : !exact_enough ? format(": more than %.2g", allowed_)
-                             : std::string(": saves nothing")),
+            (allowed_ == 0      ? std::string(": kept whole, for even that misses the accuracy")
+             : error > allowed_ ? format(": more than %.2g", allowed_)
+             : !exact_enough    ? std::string(": not traded, a step takes less than half a period")
+                                : std::string(": saves nothing")),
         std::max(0.0, now_.cost_ms - run.cost_ms), 0);
   }
 
@@ -285,18 +297,19 @@ class Planner {
   }
 
   std::chrono::steady_clock::time_point begun_;
+  const PlanOptions options_;
   Plan plan_;
   bool chooses_ = true;
   PilotStroke stroke_;
   int every_ms_ = 1;
   PilotRun reference_, now_;  // now_: of the plan as it stands
   bool touches_ = true;       // the stroke touches something
-  double rigid_error_ = 0, error_ = 0, whole_error_ = 0, allowed_ = 0;
+  double rigid_error_ = 0, error_ = 0, whole_error_ = 0, whole_jump_ = 0, allowed_ = 0;
 };
 
 }  // namespace
 
-Plan make_plan(const Scene& scene) { return Planner(scene).make(); }
+Plan make_plan(const Scene& scene, const PlanOptions& options) { return Planner(scene, options).make(); }
 
 std::string describe(const Plan& plan) {
   std::string out = format("plan       along %s, %.1f s; cost in CPU ms per step, error of the peak force\n",

@@ -9,11 +9,12 @@
 // zone, friction left out, contact frozen. What was kept has therefore been run as a whole, and the error
 // estimate is that run's. What the scene pins is left; what the stroke does not press keeps its whole model
 // and sleeps. Where not even the whole model meets `accuracy` nothing is made cheaper, but for the rate's
-// sake.
+// sake. Nor is accuracy traded for time that is idle: where a step takes less than half a period, only
+// choices are made that leave the error where the whole model has it.
 //
-// Costs: CPU ms per simulation step, its haptic ticks and bases included. Errors: RMS over peak force,
-// of the stroke. Takes about 2 s, longer where a step takes long; nothing is remembered. Throws what reading
-// the scene's trajectory does.
+// Costs: CPU ms per simulation step, its haptic ticks and bases included. Errors: RMS over peak force, of the
+// stroke, with what a choice adds to the force's jumps at swaps (plan_pilot.h). Takes about 2 s, longer where
+// a step takes long; nothing is remembered. Throws what reading the scene's trajectory does.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -45,8 +46,13 @@ struct Plan {
   double seconds = 0;   // it took
 };
 
+struct PlanOptions {
+  double idle_share =
+      0.5;  // of a period: steps that take less have time to spare; 0: each millisecond counts
+};
+
 // Of a scene without `model: auto` the same table of what is set, measured, nothing chosen.
-Plan make_plan(const Scene& scene);
+Plan make_plan(const Scene& scene, const PlanOptions& options = {});
 
 std::string describe(const Plan& plan);
 nlohmann::ordered_json to_json(const Plan& plan);  // plan[] and the totals

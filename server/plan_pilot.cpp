@@ -66,11 +66,13 @@ class Pilot {
       const double t = tick * static_cast<double>(i);
       while (-settled + static_cast<double>(steps) * h_ <= t + instant)
         step(-settled + static_cast<double>(steps++) * h_);
-      if (published_ <= t + instant) {
+      const bool swaps = published_ <= t + instant;
+      if (swaps) {
         std::swap(in_use_, next_);
         published_ = std::numeric_limits<double>::infinity();
       }
       solve(t, i >= 0);
+      if (i >= 0) run_.swapped.push_back(swaps);
     }
     run_.step_ms = quantile(step_ms_, 0.5);
     run_.worst_step_ms = quantile(step_ms_, 0.9);
@@ -196,6 +198,26 @@ double force_error(const PilotRun& reference, const PilotRun& run, int every_ms)
     peak = std::max(peak, reference.force[i].norm());
   }
   return peak > 0 ? std::sqrt(squares / static_cast<double>(count)) / peak : 0;
+}
+
+double swap_jump(std::span<const Vec3> reference, int every_ms, std::span<const Vec3> force,
+                 std::span<const std::uint8_t> swapped) {
+  double squares = 0, peak = 0;
+  std::size_t count = 0;
+  for (const Vec3& f : reference) peak = std::max(peak, f.norm());
+  const auto every = static_cast<std::size_t>(every_ms);
+  for (std::size_t i = 1; i < force.size(); ++i) {
+    const std::size_t before = (i - 1) / every;
+    if (!swapped[i] || before + 1 >= reference.size()) continue;
+    const Vec3 change = (reference[before + 1] - reference[before]) / every_ms;
+    squares += (force[i] - force[i - 1] - change).squaredNorm();
+    ++count;
+  }
+  return count > 0 && peak > 0 ? std::sqrt(squares / static_cast<double>(count)) / peak : 0;
+}
+
+double felt_error(double error, double jump, double jump_of_whole) {
+  return std::hypot(error, std::max(0.0, jump - jump_of_whole));
 }
 
 }  // namespace hapticd

@@ -34,6 +34,7 @@ constexpr double min_answered = 0.99;
 struct AbuseOptions {
   double seconds = 2;
   std::string json, attack, mode = "tick";
+  bool force = false;
   std::uint32_t domain = 0;
 };
 
@@ -297,6 +298,7 @@ int abuse(const AbuseOptions& options) {
     attack(options.attack, options.seconds, options.domain);
     return 0;
   }
+  OutputRule(options.force).require_figures("--json", options.json);
   const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
   const fs::path scratch = fs::temp_directory_path() / ("haptic-abuse-" + std::to_string(getpid()));
   fs::create_directories(scratch);
@@ -323,6 +325,7 @@ Command add_abuse(CLI::App& application) {
       ->check(CLI::Range(0u, 230u))
       ->capture_default_str();
   app->add_option("--json", options->json, "write the figures to this file")->type_name("FILE");
+  add_force_option(*app, options->force);
   app->add_option("--attack", options->attack,
                   "only this one, on the daemon that runs in --domain (attack.h)")
       ->check(CLI::IsMember(attacks()));

@@ -40,6 +40,22 @@ TissueModel read_lens(const std::string& name) {
   return make_tissue_model(std::move(mesh), {3.0e3, 0.45, 1090, 2.0, 2.0e-3}, fixed, Vec3::Zero());
 }
 
+void prepare_outputs(const std::string& stem, const std::string& header, const std::string& out, std::string& json,
+                     std::string& csv, bool force) {
+  const OutputRule rule(force);
+  if (!out.empty()) {
+    rule.require_figures_folder("--out", out, stem + ".json", stem);
+    if (json.empty()) json = out + "/" + stem + ".json";
+    if (csv.empty()) csv = out + "/" + stem + ".csv";
+  }
+  rule.require_figures("--json", json);
+  rule.require_table("--csv", csv, header);
+  if (!out.empty()) std::filesystem::create_directories(out);
+  for (const std::string& file : {json, csv})
+    if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
+      std::filesystem::create_directories(parent);
+}
+
 int run_program(const std::vector<std::string>& words) {
   std::vector<std::string> copies = words;
   std::vector<char*> argv;
@@ -73,16 +89,20 @@ struct RemovalOptions {
   std::vector<std::string> methods;
   bool quick = false;
   std::string json, csv, out;
+  bool force = false;
 };
 
 std::string key_of(const std::string& method, const std::string& order) {
   return order == "metis" ? method + "_metis" : method;
 }
 
+constexpr const char* csv_header =
+    "method,order,nodes,tets,removed,update_us_median,update_us_p99,condense_us_median,step_us_median,"
+    "timed,patch_nodes,w_rel_error,memory_mb\n";
+
 std::string to_csv(const std::vector<RemovalPoint>& points) {
   std::ostringstream csv;
-  csv << "method,order,nodes,tets,removed,update_us_median,update_us_p99,condense_us_median,step_us_median,"
-         "timed,patch_nodes,w_rel_error,memory_mb\n";
+  csv << csv_header;
   for (const RemovalPoint& p : points)
     csv << p.method << ',' << p.order << ',' << p.nodes << ',' << p.tets << ',' << p.removed << ','
         << p.update_us_median << ',' << p.update_us_p99 << ',' << p.condense_us_median << ','
@@ -168,14 +188,7 @@ int chart_removal(RemovalOptions& options, const CLI::App& app) {
     if (app.count("--removals") == 0) options.settings.removals = 200;
     options.settings.seconds_per_point = 1;
   }
-  if (!options.out.empty()) {
-    std::filesystem::create_directories(options.out);
-    if (options.json.empty()) options.json = options.out + "/removal.json";
-    if (options.csv.empty()) options.csv = options.out + "/removal.csv";
-  }
-  for (const std::string& file : {options.json, options.csv})
-    if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
-      std::filesystem::create_directories(parent);
+  prepare_outputs("removal", csv_header, options.out, options.json, options.csv, options.force);
   keep_malloc_pages();
 
   const std::vector<ChartMethod> methods = chosen(options);
@@ -236,6 +249,7 @@ Command add_chart(CLI::App& application) {
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "removal.json, removal.csv and removal.png into this directory");
+  add_force_option(*app, options->force);
   app->footer("Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart");
   const std::vector<Command> others = {add_chart_warping(*chart), add_chart_lcp(*chart),
                                        add_chart_tissue(*chart),  add_chart_economy(*chart),

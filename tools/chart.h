@@ -19,6 +19,11 @@ const std::vector<std::string>& lens_names();
 // With the cataract scene's material, held at its zonule.
 TissueModel read_lens(const std::string& name);
 
+// Where a chart's figures go: OUT/STEM.json and OUT/STEM.csv where only the folder is named. Makes folders.
+// Throws InputError for what may not be written over (server/output_file.h); header: of the table.
+void prepare_outputs(const std::string& stem, const std::string& header, const std::string& out,
+                     std::string& json, std::string& csv, bool force);
+
 // Where a script lies: with the installed configuration, else in the source's tools/.
 std::filesystem::path script_file(const std::string& name);
 

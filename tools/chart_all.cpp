@@ -37,7 +37,7 @@ const std::vector<Entry>& charts() {
 
 struct Options {
   std::string out, json;
-  bool quick = false;
+  bool quick = false, force = false;
 };
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
@@ -46,6 +46,9 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 int chart_all(const Options& options) {
   const std::filesystem::path out = options.out;
+  const OutputRule rule(options.force);
+  rule.require_figures_folder("--out", out, "charts.json", "report");
+  rule.require_figures("--json", options.json);
   std::filesystem::create_directories(out);
   double whole = 0, done = 0;
   for (const Entry& e : charts()) whole += options.quick ? e.quick_s : e.whole_s;
@@ -65,6 +68,7 @@ int chart_all(const Options& options) {
       words[0] = std::filesystem::read_symlink("/proc/self/exe").string();
       const auto& extra = options.quick ? e.quick : e.whole;
       words.insert(words.end(), extra.begin(), extra.end());
+      if (options.force) words.push_back("--force");
       const auto start = std::chrono::steady_clock::now();
       const int code = run_program(words);
       if (interrupted()) return 1;
@@ -91,6 +95,7 @@ Command add_chart_all(CLI::App& chart_app) {
   app->add_option("--out", options->out, "report.html, and a folder for each chart")->required();
   app->add_flag("--quick", options->quick, "each as quick as it can be: three minutes on two cores");
   app->add_option("--json", options->json, "what was run, how long it took, and whether it did");
+  add_force_option(*app, options->force);
   app->footer("Example: haptic chart all --quick --out build/chart");
   return {app, [options] { return chart_all(*options); }};
 }

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "server/input_error.h"
+#include "server/plan_pilot.h"
 #include "server/plan_stroke.h"
 #include "server/scene_bodies.h"
 #include "server/trajectory_reader.h"
@@ -37,6 +38,17 @@ double error_against(const OfflineResult& reference, const OfflineResult& run) {
   }
   const double error = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, ticks))) / peak;
   return std::isfinite(error) ? error : std::numeric_limits<double>::infinity();
+}
+
+double jump_against(const OfflineResult& reference, const OfflineResult& run) {
+  std::vector<Vec3> expected, force;
+  std::vector<std::uint8_t> swapped;
+  for (const OfflineTick& t : reference.ticks) expected.push_back(t.wrench.head<3>());
+  for (const OfflineTick& t : run.ticks) {
+    force.push_back(t.wrench.head<3>());
+    swapped.push_back(t.swapped);
+  }
+  return swap_jump(expected, 1, force, swapped);
 }
 
 std::string label_of(const Scene& scene) {
@@ -112,6 +124,7 @@ EconomyModel measure(const Scene& scene, const OfflineInput& input, const Offlin
     model.cost_ms =
         std::min(model.cost_ms, 1e3 * (run.simulation.total + run.haptic.total + run.bases.total) / steps);
     model.error = error_against(reference, run);
+    model.jump = jump_against(reference, run);
     model.inverted = run.inverted;
   }
   return model;
@@ -127,7 +140,7 @@ EconomyScene measure_economy(const Scene& scene, bool all, const EconomyProgress
     return !progress || progress(fraction, scene.name + ": " + what);
   };
   if (!show(0, "plan")) return out;
-  out.plan = make_plan(scene);
+  out.plan = make_plan(scene, {.idle_share = 0});
   const OfflineInput input = input_of(scene);
   Scene whole = scene;
   whole.plans = false;
@@ -145,6 +158,8 @@ EconomyScene measure_economy(const Scene& scene, bool all, const EconomyProgress
       return out;
     out.models.push_back(measure(models[i], input, reference));
   }
+  const double whole_jump = out.models[1].jump;
+  for (EconomyModel& m : out.models) m.error = felt_error(m.error, m.jump, whole_jump);
   out.chosen = out.models[0];
   out.whole = out.models[1];
   for (const EconomyModel& m : out.models) {

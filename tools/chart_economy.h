@@ -1,13 +1,16 @@
 // What a scene's plan is worth: every model that the scene allows, run along the whole of its trajectory.
 //
 //   error   √(mean ‖f − f_ref‖²) / max ‖f_ref‖,  f at 1 kHz from offline_run.h, f_ref its reference at 1 ms,
-//           of the scene's whole model
+//           of the scene's whole model; and the jumps at swaps that the whole model does not have
+//           (plan_pilot.h)
 //   cost    CPU ms per simulation step: it, its haptic ticks and bases; the lesser of two runs
 //
 // The models: for each body that deforms within reach corotational, linear, linear and static (where it is
 // held and never cut), rigid (where it is held and never cut); friction on and off where there is any;
-// contact renewed and frozen. A plan is right if its error is within the scene's accuracy and its cost within
-// a fifth of the cheapest model's whose error is. Errors: InputError of a scene without a trajectory.
+// contact renewed and frozen. The plan is made as if each millisecond counted (PlanOptions::idle_share 0):
+// these scenes are so small that a daemon's own plan saves little. A plan is right if its error is within the
+// scene's accuracy and its cost within a fifth of the cheapest model's whose error is. Errors: InputError of
+// a scene without a trajectory.
 #pragma once
 
 #include <functional>
@@ -21,6 +24,7 @@ namespace hapticd {
 struct EconomyModel {
   std::string label;  // "pad linear static, contact renewed"
   double error = 0;
+  double jump = 0;  // at swaps, over the peak
   double cost_ms = 0;
   int inverted = 0;
 };

@@ -22,6 +22,7 @@ struct EconomyOptions {
   std::vector<std::string> scenes;
   bool quick = false;
   std::string json, csv;
+  bool force = false;
 };
 
 std::vector<std::string> shipped_scenes() {
@@ -56,13 +57,16 @@ void print(const EconomyScene& e, bool all) {
                 e.reference_change);
 }
 
-int chart(const EconomyOptions& o) {
+constexpr const char* csv_header = "scene,accuracy,model,error,cost_ms,chosen,cheapest\n";
+
+int chart(EconomyOptions& o) {
+  prepare_outputs("economy", csv_header, "", o.json, o.csv, o.force);
   keep_malloc_pages();
   const std::vector<std::string> files = o.scenes.empty() ? shipped_scenes() : o.scenes;
   nlohmann::ordered_json json;
   json["command"] = "chart economy";
   std::ostringstream csv;
-  csv << "scene,accuracy,model,error,cost_ms,chosen,cheapest\n";
+  csv << csv_header;
   bool all_passed = true;
   for (std::size_t i = 0; i < files.size(); ++i) {
     const Scene scene = read_scene(files[i]);
@@ -111,6 +115,7 @@ Command add_chart_economy(CLI::App& chart_app) {
   app->add_flag("--quick", options->quick, "the plan and the whole model alone");
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--csv", options->csv, "every model measured to this file");
+  add_force_option(*app, options->force);
   app->footer(
       "Example: haptic chart economy --json economy.json\n"
       "Exit code 1: a plan misses its accuracy, or costs a fifth more than the cheapest model that does "

@@ -21,6 +21,7 @@ struct Options {
   std::string scene;
   std::vector<std::string> recordings, only;
   std::string table, json, csv, out;
+  bool force = false;
   ForceChartSettings settings;
   double window_s = 0, depth_mm = 0.3;
 };
@@ -120,13 +121,15 @@ nlohmann::ordered_json traces_of(const ForceChart& chart) {
   return json;
 }
 
+constexpr const char* csv_header =
+    "label,trajectory,removals,cpu_ms_per_s,simulation_ms_per_s,haptic_ms_per_s,bases_ms_per_s,haptic_us_p99,"
+    "force_rms_rel,force_max_rel,swap_jump_p95_rel,buzz_rms_n,onset_ms,penetration_um,memory_mb,space_rms_"
+    "rel,"
+    "space_and_time_rms_rel,reference_converged,pareto\n";
+
 std::string to_csv(const ForceChart& chart) {
   std::ostringstream csv;
-  csv << "label,trajectory,removals,cpu_ms_per_s,simulation_ms_per_s,haptic_ms_per_s,bases_ms_per_s,haptic_"
-         "us_p99,"
-         "force_rms_rel,force_max_rel,swap_jump_p95_rel,buzz_rms_n,onset_ms,penetration_um,memory_mb,space_"
-         "rms_rel,"
-         "space_and_time_rms_rel,reference_converged,pareto\n";
+  csv << csv_header;
   for (const ForcePoint& p : chart.points) {
     csv << '"' << p.label << "\"," << p.trajectory << ',' << p.removals << ',' << p.cpu_ms_per_s << ','
         << p.simulation_ms_per_s << ',' << p.haptic_ms_per_s << ',' << p.bases_ms_per_s << ','
@@ -173,15 +176,8 @@ int chart(Options options, const CLI::App& app) {
   if (options.table.empty()) options.table = (config_directory() / "charts" / "force.yaml").string();
   if (options.scene.empty())
     options.scene = (config_directory() / "scenes" / "stroke" / "stroke.yaml").string();
-  if (!options.out.empty()) {
-    std::filesystem::create_directories(options.out);
-    options.settings.cache = std::filesystem::path(options.out) / "references";
-    if (options.json.empty()) options.json = options.out + "/force.json";
-    if (options.csv.empty()) options.csv = options.out + "/force.csv";
-  }
-  for (const std::string& file : {options.json, options.csv})
-    if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
-      std::filesystem::create_directories(parent);
+  prepare_outputs("force", csv_header, options.out, options.json, options.csv, options.force);
+  if (!options.out.empty()) options.settings.cache = std::filesystem::path(options.out) / "references";
   keep_malloc_pages();
 
   const Scene scene = read_scene(options.scene);
@@ -244,6 +240,7 @@ Command add_chart_force(CLI::App& chart_app) {
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "figures, pictures and kept references into this directory");
+  add_force_option(*app, options->force);
   app->footer("Example: haptic chart force config/scenes/stroke/stroke.yaml --out build/chart/force");
   return {app, [options, app] { return chart(*options, *app); }};
 }

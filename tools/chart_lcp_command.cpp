@@ -22,6 +22,7 @@ struct Options {
   std::vector<int> contacts = {10, 30, 100}, rows = {10, 30, 100, 300};
   bool quick = false;
   std::string json, csv, out, from;
+  bool force = false;
 };
 
 nlohmann::ordered_json to_json(const LcpPoint& p) {
@@ -67,11 +68,14 @@ nlohmann::ordered_json to_json(const LcpChart& chart, const Options& options) {
   return json;
 }
 
+constexpr const char* csv_header =
+    "solver,rows,contacts,friction,case,warm,steps,us_median,us_p99,us_p99_9,us_max,residual_median,"
+    "residual_max,failures,capped,active_median,active_max,wrench_error_median,wrench_error_p99,wrench_"
+    "error\n";
+
 std::string to_csv(const std::vector<LcpPoint>& points) {
   std::ostringstream csv;
-  csv << "solver,rows,contacts,friction,case,warm,steps,us_median,us_p99,us_p99_9,us_max,residual_median,"
-         "residual_max,failures,capped,active_median,active_max,wrench_error_median,wrench_error_p99,wrench_"
-         "error\n";
+  csv << csv_header;
   for (const LcpPoint& p : points)
     csv << p.solver << ',' << p.rows << ',' << p.contacts << ',' << p.friction << ',' << p.kind << ','
         << p.warm << ',' << p.steps << ',' << p.us.p50 << ',' << p.us.p99 << ',' << p.us.p99_9 << ','
@@ -88,11 +92,6 @@ void print_points(const std::vector<LcpPoint>& points) {
     std::printf("  %-19s %-15s %4d %3.0f/%-4.0f %5s %8.1f %8.1f %9.1e %8d %6d %9.1e\n", p.solver.c_str(),
                 p.kind.c_str(), p.rows, p.active_median, p.active_max, p.warm ? "warm" : "cold", p.us.p50,
                 p.us.p99, p.residual_max, p.failures, p.capped, p.wrench_error.p99);
-}
-
-void make_parents(const std::string& file) {
-  if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
-    std::filesystem::create_directories(parent);
 }
 
 void write_all(const Options& options, const nlohmann::ordered_json& json,
@@ -147,12 +146,7 @@ int run(Options& options, const CLI::App& app) {
     if (app.count("--rows") == 0) options.rows = {10, 100};
   }
   options.settings.peer_steps = std::min(options.settings.peer_steps, options.settings.steps);
-  if (!options.out.empty()) {
-    if (options.json.empty()) options.json = options.out + "/lcp.json";
-    if (options.csv.empty()) options.csv = options.out + "/lcp.csv";
-  }
-  make_parents(options.json);
-  make_parents(options.csv);
+  prepare_outputs("lcp", csv_header, options.out, options.json, options.csv, options.force);
   if (!options.from.empty()) return run_captured(options);
 
   struct Run {
@@ -227,6 +221,7 @@ Command add_chart_lcp(CLI::App& chart) {
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "lcp.json, lcp.csv and lcp.png into this directory");
+  add_force_option(*app, options->force);
   app->footer("Example: haptic chart lcp --cases flat,duplicates --contacts 30 --out build/chart");
   return {app, [options, app] { return run(*options, *app); }};
 }

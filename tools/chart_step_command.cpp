@@ -23,6 +23,7 @@ constexpr double removals_per_s = 10;
 
 struct Options {
   std::string json, out;
+  bool force = false;
   std::vector<std::string> lenses, models, compliances;
   std::vector<std::string> parts = {"points", "tick", "factor"};
   bool quick = false;
@@ -167,7 +168,6 @@ void print_points(const std::vector<StepPoint>& points) {
 }
 
 int chart(Options options) {
-  if (!options.out.empty() && options.json.empty()) options.json = options.out + "/step.json";
   keep_malloc_pages();
   catch_interrupts();
   const std::vector<StepCase> cases =
@@ -258,6 +258,7 @@ Command add_chart_step(CLI::App& chart_app) {
       "What a simulation step costs, part by part, over size, model and compliance; and a haptic tick.");
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--out", options->out, "step.json and step.png in this folder");
+  add_force_option(*app, options->force);
   app->add_flag("--quick", options->quick, "two lenses and a hundred steps each: half a minute");
   app->add_option("--only", options->parts, "points, tick, factor")
       ->delimiter(',')
@@ -277,7 +278,8 @@ Command add_chart_step(CLI::App& chart_app) {
   app->add_option("--repeats", options->repeats, "of the factor")->check(CLI::Range(1, 100000));
   app->footer("Example: haptic chart step --out build/step");
   return {app, [options] {
-            if (!options->out.empty()) std::filesystem::create_directories(options->out);
+            std::string no_table;
+            prepare_outputs("step", "", options->out, options->json, no_table, options->force);
             return chart(*options);
           }};
 }

@@ -23,6 +23,7 @@ struct Options {
   std::vector<std::string> only;
   int stroke_steps = 0;  // 0: by effort
   std::string json, out;
+  bool force = false;
 };
 
 struct StrokeCase {
@@ -235,10 +236,8 @@ void print_checks(const TissueFindings& findings) {
 }
 
 int chart(Options options) {
-  if (!options.out.empty()) {
-    std::filesystem::create_directories(options.out);
-    if (options.json.empty()) options.json = options.out + "/tissue.json";
-  }
+  std::string no_table;
+  prepare_outputs("tissue", "", options.out, options.json, no_table, options.force);
   const Effort effort = options.quick ? Effort::quick : Effort::full;
   const auto wanted = [&](const std::string& part) {
     return options.only.empty() || std::count(options.only.begin(), options.only.end(), part) > 0;
@@ -286,6 +285,7 @@ Command add_chart_tissue(CLI::App& chart_app) {
       ->check(CLI::Range(20, 1000000));
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--out", options->out, "tissue.json and tissue.png into this directory");
+  add_force_option(*app, options->force);
   app->footer("Example: haptic chart tissue --quick --out build/chart");
   return {app, [options] { return chart(*options); }};
 }

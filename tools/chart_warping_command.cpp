@@ -17,16 +17,15 @@ namespace {
 
 constexpr const char* warping_names[] = {"none", "node", "piece"};
 
+constexpr const char* csv_header = "shape,amount,method,warping,largest_turn_rad,w_rel_error\n";
+
 struct Options {
   std::string json, csv, out;
+  bool force = false;
 };
 
 int chart(Options options) {
-  if (!options.out.empty()) {
-    std::filesystem::create_directories(options.out);
-    if (options.json.empty()) options.json = options.out + "/warping.json";
-    if (options.csv.empty()) options.csv = options.out + "/warping.csv";
-  }
+  prepare_outputs("warping", csv_header, options.out, options.json, options.csv, options.force);
   const TissueModel held = read_lens("1k");
   const TissueModel floating = make_tissue_model(held.mesh, held.material, {}, Vec3::Zero());
   std::vector<WarpingPoint> points;
@@ -42,7 +41,7 @@ int chart(Options options) {
   nlohmann::ordered_json json;
   json["command"] = "chart warping";
   std::ostringstream csv;
-  csv << "shape,amount,method,warping,largest_turn_rad,w_rel_error\n";
+  csv << csv_header;
   std::printf("  %-12s %9s %11s %8s %8s %10s\n", "shape", "amount", "turn rad", "method", "warping", "error");
   for (const WarpingPoint& p : points) {
     const char* unit = p.shape == "indentation" ? "mm" : "deg";
@@ -73,6 +72,7 @@ Command add_chart_warping(CLI::App& chart_app) {
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "warping.json, warping.csv and warping.png into this directory");
+  add_force_option(*app, options->force);
   app->footer("Example: haptic chart warping --out build/chart");
   return {app, [options] { return chart(*options); }};
 }

@@ -20,6 +20,11 @@ struct Command {
   std::function<int()> run;
 };
 
+// For OutputRule (server/output_file.h).
+inline void add_force_option(CLI::App& command, bool& force) {
+  command.add_flag("--force", force, "write over files that are there already");
+}
+
 Command add_replay(CLI::App& application);
 Command add_hand(CLI::App& application);
 Command add_chart(CLI::App& application);

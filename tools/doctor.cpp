@@ -18,12 +18,14 @@ const char* word(Health h) { return h == Health::pass ? "pass" : h == Health::wa
 
 struct DoctorOptions {
   std::string scene, device, secure, json;
+  bool force = false;
   std::uint32_t domain = 229;
   double answer_dds = 0;
 };
 
 int doctor(const DoctorOptions& o) {
   if (o.answer_dds > 0) return answer_dds(o.domain, o.answer_dds);
+  OutputRule(o.force).require_figures("--json", o.json);
   std::vector<Finding> all = check_machine();
   const auto add = [&](std::vector<Finding> more) { all.insert(all.end(), more.begin(), more.end()); };
   add({check_dds(o.domain)});
@@ -124,6 +126,7 @@ Command add_doctor(CLI::App& application) {
       ->check(CLI::Range(0u, 230u))
       ->capture_default_str();
   app->add_option("--json", options->json, "write the findings to this file")->type_name("FILE");
+  add_force_option(*app, options->force);
   app->add_option("--answer-dds", options->answer_dds)->group("");
   app->footer(
       "Example: haptic doctor config/scenes/cube/cube.yaml\n"

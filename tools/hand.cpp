@@ -120,7 +120,7 @@ int hand(HandOptions& options, const CLI::App& app) {
   }
   TimedScript timed = options.target.empty() ? press_script(options) : target_script(options);
   const double duration = options.duration > 0 ? options.duration : timed.duration;
-  prepare(options.session);
+  prepare(options.session, options.target);
 
   HandSource source(options.hand, std::move(timed.script), options.substeps);
   Session session(options.session, 1 + static_cast<std::int64_t>(std::floor(1e3 * duration + 1e-6)));

@@ -21,6 +21,7 @@ namespace {
 
 struct MeshOptions {
   std::string file, fix, scene, json;
+  bool force = false;
   std::string unit = "m";
   bool keep_duplicates = false;
 };
@@ -130,11 +131,14 @@ void print_quality(const TetMesh& mesh, const MeshQuality& q, const MeshFaults& 
         std::string(static_cast<std::size_t>(most > 0 ? 40L * q.histogram[bin] / most : 0), '#').c_str());
 }
 
+// The scene's mesh, beside it. The name is not the stem's alone: FILE often has that one.
+std::filesystem::path mesh_beside(const std::filesystem::path& scene) {
+  return scene.parent_path() / (scene.stem().string() + "_mesh.msh");
+}
+
 std::string write_scene(TetMesh mesh, const SceneDefaults& defaults, const std::filesystem::path& scene) {
   add_fixed_group(mesh, defaults);
-  std::filesystem::path mesh_file = scene;
-  mesh_file.replace_extension(".msh");
-  if (mesh_file == scene) throw UsageError("--scene: a scene is a .yaml file; its mesh is written beside it");
+  const std::filesystem::path mesh_file = mesh_beside(scene);
   write_mesh_file(mesh, mesh_file);
   write_file(scene.string(), scene_text(defaults, scene.stem().string(), mesh_file.filename().string()));
   return mesh_file.string();
@@ -188,7 +192,20 @@ nlohmann::ordered_json predict(const TetMesh& mesh, const SceneDefaults& default
   return json;
 }
 
+void check_outputs(const MeshOptions& o) {
+  const OutputRule rule(o.force);
+  rule.require_new("--fix", o.fix);
+  rule.require_figures("--json", o.json);
+  if (o.scene.empty()) return;
+  const std::string ending = std::filesystem::path(o.scene).extension().string();
+  if (ending != ".yaml" && ending != ".yml")
+    throw UsageError("--scene " + o.scene + ": a scene is a .yaml file");
+  rule.require_new("--scene", o.scene);
+  rule.require_new("--scene (its mesh)", mesh_beside(o.scene));
+}
+
 int run(const MeshOptions& o) {
+  check_outputs(o);
   if (!std::filesystem::is_regular_file(o.file)) throw InputError(o.file, 0, "", "no such file");
   RepairedMesh repaired = repair_mesh(read_raw_mesh(read_bytes(o.file), o.file), !o.keep_duplicates);
   TetMesh& mesh = repaired.mesh;
@@ -237,8 +254,9 @@ Command add_mesh(CLI::App& application) {
       "--fix", options->fix,
       "write the mesh, tetrahedra turned right side out, duplicate and unused nodes gone; .msh or .vtk");
   app->add_flag("--keep-duplicates", options->keep_duplicates, "nodes at one place stay apart, as in a slit");
-  app->add_option("--scene", options->scene, "write a scene that runs, its mesh beside it");
+  app->add_option("--scene", options->scene, "write a scene that runs, its mesh beside it as OUT_mesh.msh");
   app->add_option("--json", options->json, "figures to this file");
+  add_force_option(*app, options->force);
   app->footer(
       "Example: haptic mesh liver.vtk --unit mm --fix liver.msh --scene liver.yaml\n"
       "Exit code 1: hapticd refuses the file as it stands, and nothing was written instead.");

@@ -109,10 +109,12 @@ std::string scene_text(const SceneDefaults& d, const std::string& name, const st
   for (const std::string& reason : d.reasons) out += "# - " + reason + '\n';
   out += format(
       "scene: %s\n\nmodel: auto    # the least model within `accuracy`; `hapticd --check` says which\n"
-      "accuracy: 0.1  # of the peak force\n\n",
+      "accuracy: 0.02  # of the peak force\n\n",
       name.c_str());
-  out += format("simulation:\n  rate: 50\n  alarm_distance: %.6g\n  sample_spacing: %.6g\n\n",
-                d.alarm_distance, d.sample_spacing);
+  out += format(
+      "simulation:\n  rate: 50\n  contact: renewed  # each haptic tick: frozen for a step the force would "
+      "jump 50 times a second\n  alarm_distance: %.6g\n  sample_spacing: %.6g\n\n",
+      d.alarm_distance, d.sample_spacing);
   out += format(
       "bodies:\n  - name: tissue\n    kind: deformable\n    mesh: %s\n    fixed: %s\n"
       "    removable: true\n    material: {young: %.6g, poisson: %.6g, density: %.6g, rayleigh: {mass: 2, "

@@ -50,7 +50,9 @@ struct ReplaySinks {
   std::function<void(const ReplayedStep&)> step;
 };
 
-// Asks the source for slots 0 … slots − 1. Ends early when interrupted (interrupt.h), returning false.
+// Asks the source for slots 0 … slots − 1. A state that the watchdog refuses (faster than the device's
+// max_speed) is as if it had not come, and is in the tick's status. Ends early when interrupted
+// (interrupt.h), returning false.
 bool replay_offline(const Scene& scene, SlotSource& source, std::int64_t slots, const ReplaySinks& sinks);
 
 }  // namespace hapticd

@@ -18,6 +18,7 @@ namespace {
 
 struct RecordOptions {
   std::string directory, vtk, json, secure, role = "viewer";
+  bool force = false;
   std::uint32_t domain = 0, device_id = 0;
   double duration = 0, wait = 10;
 };
@@ -25,6 +26,9 @@ struct RecordOptions {
 int record(const RecordOptions& o) {
   if (o.directory.empty() && o.vtk.empty())
     throw UsageError("record: where to? DIR for a recording, or --vtk DIR");
+  const OutputRule rule(o.force);
+  rule.require_folder_without("--vtk", o.vtk, "");
+  rule.require_figures("--json", o.json);
   std::optional<Security> security;
   if (!o.secure.empty()) security = security_files(o.secure, o.role);
   const Domain domain(o.domain, read_dds_profile("loopback"));
@@ -95,6 +99,7 @@ Command add_record(CLI::App& application) {
       ->check(CLI::IsMember({"device", "viewer", "operator"}))
       ->capture_default_str();
   app->add_option("--json", o->json, "write the figures to this file")->type_name("FILE");
+  add_force_option(*app, o->force);
   app->footer(
       "`hapticd --record DIR` loses no tick that DDS loses, and needs no second process.\n"
       "Example: haptic record stroke --vtk stroke_vtk --duration 20");

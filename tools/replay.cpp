@@ -25,6 +25,7 @@ struct ReplayOptions {
   std::string from_scene;  // whose coordinates the file is in; empty: the device's
   bool offline = false;
   std::string scene, record, vtk;  // offline
+  bool allow_refused = false;      // offline
   double speed = 1;
   bool no_enable = false;
 };
@@ -71,8 +72,9 @@ int replay_without_daemon(const ReplayOptions& options, ReplaySource& source, nl
   const std::string file = options.scene.empty() ? options.from_scene : options.scene;
   if (file.empty()) throw UsageError("--offline needs a scene: --scene SCENE.yaml, or --from-scene");
   const Scene scene = read_scene(file);
-  const bool done = run_offline_replay(scene, source, source.slots(),
-                                       {options.session.forces, options.record, options.vtk}, json, table);
+  const bool done = run_offline_replay(
+      scene, source, source.slots(),
+      {options.session.forces, options.record, options.vtk, options.allow_refused}, json, table);
   if (!options.session.json.empty()) write_json(options.session.json, json);
   print(table);
   return done ? 0 : 1;
@@ -85,7 +87,8 @@ int replay(ReplayOptions& options, bool device_id_given) {
     throw UsageError(options.file + ": lasts " + fixed(duration, 0) + " s; at most " +
                      fixed(max_duration, 0) + " s can be replayed in one run");
   options.session.client.enable = !options.no_enable;
-  prepare(options.session);
+  prepare(options.session, options.file);
+  OutputRule(options.session.force).require_folder_without("--vtk", options.vtk, "");
 
   ReplaySource source(trajectory, options.speed);
   nlohmann::ordered_json json;
@@ -132,11 +135,14 @@ Command add_replay(CLI::App& application) {
   CLI::Option* no_enable = app->add_flag("--no-enable", options->no_enable, "do not ask for force");
   CLI::Option* offline =
       app->add_flag("--offline", options->offline,
-                    "run the scene in here, without daemon and clock: the same bit for bit "
-                    "from run to run")
+                    "run the scene in here, without daemon and clock: two runs agree bit for bit, on one "
+                    "machine; 1 if a state is refused")
           ->excludes(no_enable);
   app->add_option("--scene", options->scene, "offline: the scene to run, if not that of --from-scene")
       ->type_name("SCENE.yaml")
+      ->needs(offline);
+  app->add_flag("--allow-refused", options->allow_refused,
+                "offline: 0 even if states are faster than the device's max_speed and so refused")
       ->needs(offline);
   app->add_option("--record", options->record, "offline: write a rosbag2 recording")
       ->type_name("DIR")

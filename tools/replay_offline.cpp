@@ -1,6 +1,8 @@
 // haptic replay --offline: the run, and what it leaves.
 #include "tools/replay_offline.h"
 
+#include <algorithm>
+#include <cstdio>
 #include <memory>
 #include <optional>
 
@@ -28,6 +30,33 @@ ForceRow row_of(const ReplayedTick& tick) {
   row.removed = tick.removed;
   return row;
 }
+
+// States that the watchdog refused. Numbers rise, poses are finite and unit offline, so each was too fast.
+class Refusals {
+ public:
+  explicit Refusals(double max_speed) : max_speed_(max_speed) {}
+
+  void note(const ReplayedTick& tick) {
+    const Vec3 p = tick.command.pose.p;
+    if (tick.record.force.status & status_rejected) {
+      if (count_++ == 0) first_slot_ = tick.slot;
+      fastest_ = std::max(fastest_, 1e3 * (p - before_).norm());
+    }
+    before_ = p;
+  }
+  std::int64_t count() const { return count_; }
+  std::string text() const {
+    return std::to_string(count_) + " states were refused, the first at " +
+           fixed(1e-3 * static_cast<double>(first_slot_), 3) + " s: up to " + fixed(fastest_, 2) +
+           " m/s, where the device's max_speed is " + fixed(max_speed_, 2) + " m/s";
+  }
+
+ private:
+  const double max_speed_;
+  Vec3 before_ = Vec3::Zero();
+  std::int64_t count_ = 0, first_slot_ = 0;
+  double fastest_ = 0;
+};
 
 // Every second step of a 50 Hz scene, as it is published (diagnostics.h).
 constexpr double frames_per_second = 25;
@@ -80,6 +109,7 @@ bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slo
 
   double peak = 0, penetration = 0;
   std::int64_t in_contact = 0, not_finite = 0, capped = 0;
+  Refusals refused(scene.device.max_speed);
   std::uint32_t removed = 0, status = 0;
   ReplaySinks sinks;
   sinks.tick = [&](const ReplayedTick& tick) {
@@ -88,6 +118,7 @@ bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slo
     if (bag) bag->note(tick.record);
     if (bag && tick.slot % 1000 == 999) bag->commit();
     const ForceSample& f = tick.record.force;
+    refused.note(tick);
     peak = std::max(peak, f.force.norm());
     penetration = std::max(penetration, f.penetration);
     in_contact += f.active > 0;
@@ -112,6 +143,7 @@ bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slo
   json["contact_share"] = rounded(static_cast<double>(in_contact) / static_cast<double>(slots), 5);
   json["elements_removed"] = removed;
   json["not_finite"] = not_finite;
+  json["states_refused"] = refused.count();
   json["solver_caps"] = capped;
   json["status_seen"] = status;
   json["status_seen_text"] = status_text(status);
@@ -127,7 +159,13 @@ bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slo
     json["frames"] = frames->finish();
     table.emplace_back("frames", json["frames"].dump() + " in " + outputs.vtk + "/scene.pvd");
   }
-  return complete && not_finite == 0;
+  if (refused.count() > 0) {
+    table.emplace_back("states refused", refused.text());
+    if (!outputs.allow_refused)
+      std::fprintf(stderr, "haptic: %s: these are not the recorded forces (--allow-refused: exit code 0)\n",
+                   refused.text().c_str());
+  }
+  return complete && not_finite == 0 && (refused.count() == 0 || outputs.allow_refused);
 }
 
 }  // namespace hapticd

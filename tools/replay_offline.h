@@ -15,9 +15,10 @@ namespace hapticd {
 
 struct OfflineOutputs {
   std::string forces, record, vtk;  // empty: none
+  bool allow_refused = false;
 };
 
-// False: interrupted, or a force was not finite.
+// False: interrupted, a force was not finite, or a state was refused and that is not allowed.
 bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slots,
                         const OfflineOutputs& outputs, nlohmann::ordered_json& json, Table& table);
 

@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
 
 namespace hapticd {
 
@@ -54,16 +51,6 @@ void print(const Table& table) {
   for (const auto& [name, value] : table)
     std::printf("  %-*s  %s\n", static_cast<int>(width), name.c_str(), value.c_str());
   std::fflush(stdout);
-}
-
-void write_file(const std::string& path, const std::string& content) {
-  const std::string beside = path + ".part";
-  std::ofstream out(beside, std::ios::binary | std::ios::trunc);
-  out << content;
-  out.close();
-  std::error_code error;
-  if (out) std::filesystem::rename(beside, path, error);
-  if (!out || error) throw std::runtime_error(path + ": cannot be written");
 }
 
 void write_json(const std::string& path, const nlohmann::ordered_json& json) {

@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "server/output_file.h"
+
 namespace hapticd {
 
 struct Quantiles {
@@ -27,9 +29,7 @@ std::string fixed(double value, int decimals);
 using Table = std::vector<std::pair<std::string, std::string>>;
 void print(const Table& table);
 
-// Writes the file whole or not at all (a temporary beside it, then rename).
-// Throws std::runtime_error naming the file.
-void write_file(const std::string& path, const std::string& content);
+// Whole or not at all (output_file.h).
 void write_json(const std::string& path, const nlohmann::ordered_json& json);
 
 }  // namespace hapticd

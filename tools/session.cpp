@@ -6,6 +6,9 @@
 #include <map>
 #include <thread>
 
+#include "server/input_error.h"
+#include "server/output_file.h"
+#include "tools/command.h"
 #include "tools/force_row.h"
 #include "tools/progress.h"
 
@@ -48,6 +51,7 @@ void add_session_options(CLI::App& command, SessionOptions& options) {
       .add_option("--snapshots", options.snapshots,
                   "write each body's surface before and after as BODY_before.vtk, BODY_after.vtk")
       ->type_name("DIR");
+  add_force_option(command, options.force);
   command.add_option("--min-answered", options.min_answered, "share of slots below which the run has failed")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
@@ -66,8 +70,15 @@ void add_units_option(CLI::App& command, LengthUnit& units, const std::string& t
       ->type_name("m|mm");
 }
 
-void prepare(SessionOptions& options) {
+void prepare(SessionOptions& options, const std::string& input) {
   if (!options.secure.empty()) options.client.security = security_files(options.secure, options.role);
+  const OutputRule rule(options.force);
+  rule.require_figures("--json", options.json);
+  rule.require_table("--forces", options.forces, force_row_header);
+  rule.require_snapshots_folder("--snapshots", options.snapshots);
+  // The forces of an earlier run are a recording too.
+  if (std::error_code error; !options.force && std::filesystem::equivalent(options.forces, input, error))
+    throw InputError(options.forces, 0, "--forces", "is what this run reads; --force writes over it");
   for (const std::string& file : {options.json, options.forces})
     if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
       std::filesystem::create_directories(parent);

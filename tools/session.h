@@ -18,14 +18,16 @@ struct SessionOptions {
   std::string json;       // empty: none
   std::string forces;     // CSV; empty: none
   std::string snapshots;  // directory; empty: none
+  bool force = false;     // write over files
   double min_answered = 0.9;
 };
 
 void add_session_options(CLI::App& command, SessionOptions& options);
 void add_units_option(CLI::App& command, LengthUnit& units, const std::string& text);
 
-// Reads the keys, if any, and makes the directories of the files that will be written.
-void prepare(SessionOptions& options);
+// Reads the keys, if any, and makes the directories of the files that will be written. input: the motion's
+// file. Throws InputError for an output that would write over another file (server/output_file.h).
+void prepare(SessionOptions& options, const std::string& input);
 
 // Everything on DDS that a run needs, made before any thread goes SCHED_FIFO.
 struct Session {

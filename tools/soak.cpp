@@ -160,6 +160,9 @@ class Soak {
 
 int soak(SoakOptions options) {
   if (options.scene.empty()) options.scene = (config_directory() / "scenes/cube/cube.yaml").string();
+  const OutputRule rule(options.force);
+  rule.require_figures("--json", options.json);
+  rule.require_figures_folder("--out", options.out, "soak.json", "soak");
   const Scene scene = read_scene(options.scene);
   if (!scene.trajectory) throw UsageError(options.scene + ": has no trajectory to move along");
   options.client.device_id = options.attach ? options.client.device_id : scene.device.id;
@@ -219,6 +222,7 @@ Command add_soak(CLI::App& application) {
       ->check(CLI::IsMember({"both", "tick", "event"}))
       ->capture_default_str();
   app->add_option("--json", options->json, "write the figures to this file")->type_name("FILE");
+  add_force_option(*app, options->force);
   app->add_option("--out", options->out, "write soak.json and the histograms, soak.png, here")
       ->type_name("DIR");
   app->add_flag("--attach", options->attach,

@@ -21,6 +21,7 @@ struct SoakOptions {
   double duration = 60;  // [s], arming not counted
   double load = 0;       // [%] of each core
   std::string json, out, scene, mode = "both";
+  bool force = false;
   bool attach = false;
   ClientSettings client;
 };

@@ -21,6 +21,7 @@ namespace {
 
 struct Options {
   std::string json, out;
+  bool force = false;
   bool dds = false;
   StabilitySettings settings;
 };
@@ -197,6 +198,9 @@ bool print(const StabilityChart& chart) {
 }
 
 int stability(const Options& options) {
+  const OutputRule rule(options.force);
+  rule.require_figures("--json", options.json);
+  rule.require_figures_folder("--out", options.out, "stability.json", "stability");
   const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
   StabilityChart chart;
   {
@@ -243,6 +247,7 @@ Command add_stability(CLI::App& application) {
       "Where methods break in a closed loop with a hand, and where the daemon does; needs no daemon.");
   app->add_option("--out", options->out, "figures, pictures and stability.html")->type_name("DIR");
   app->add_option("--json", options->json, "figures to this file")->type_name("FILE");
+  add_force_option(*app, options->force);
   app->add_option("--mode", options->settings.only, "only these")
       ->delimiter(',')
       ->check(CLI::IsMember(stability_mode_names()));

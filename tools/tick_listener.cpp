@@ -54,6 +54,7 @@ ForceRecord TickListener::record_of(const Force& f) {
   record.time_ns = f.arrived_ns;
   record.force.sequence = m.number;
   record.force.echo_sequence = m.echo_number;
+  record.force.echo_client_time_ns = m.echo_client_time_ns;
   record.force.force = {m.force[0], m.force[1], m.force[2]};
   record.force.torque = {m.torque[0], m.torque[1], m.torque[2]};
   record.force.status = m.status;
@@ -65,7 +66,8 @@ ForceRecord TickListener::record_of(const Force& f) {
   if (m.echo_number == 0 || m.echo_number == answered_) return record;
   answered_ = m.echo_number;
   const State& s = state_[m.echo_number % remembered];
-  if (s.message.number != m.echo_number) {
+  // Another client's state may have the same number.
+  if (s.message.number != m.echo_number || s.message.client_time_ns != m.echo_client_time_ns) {
     ++without_pose_;
     return record;
   }

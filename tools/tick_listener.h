@@ -5,9 +5,10 @@
 //   force from the daemon                  ┘
 //
 // A record's time is the force's arrival, as the daemon's own tick is not sent; `instrument` has buttons and
-// time alone. A force whose state was not heard (both are best effort), or that answers no new one, has no
-// pose. Threads: states and forces are taken in Cyclone's receive threads and go through queues; take and
-// take_statuses belong to one thread. Errors: the constructor throws std::runtime_error.
+// the state's arrival alone, and the client's own time is in `force`. A force whose state was not heard (both
+// are best effort), or that answers no new one, has no pose. Threads: states and forces are taken in
+// Cyclone's receive threads and go through queues; take and take_statuses belong to one thread. Errors: the
+// constructor throws std::runtime_error.
 #pragma once
 
 #include <array>

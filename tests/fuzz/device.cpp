@@ -127,10 +127,12 @@ void check(const DeviceSettings& d, const ForceSample& f, const ForceSample& bef
   demand(f.torque.norm() <= rounding * d.max_torque, "a torque keeps the device's maximum");
   const bool zero = f.force.isZero(0) && f.torque.isZero(0);
   const double step = d.max_force_rate * 1e-9 * static_cast<double>(period_ns);
-  demand(zero || (f.force - before.force).norm() <= rounding * step + 1e-12,
+  // Only a client that left or asked for it, and numbers that are none, end a force in a step.
+  demand((zero && (f.status & status_disarmed)) || (f.force - before.force).norm() <= rounding * step + 1e-12,
          "a force changes by its slew limit");
-  if (f.status & (status_disarmed | status_latched | status_problem_lost))
-    demand(zero, "without right no force");
+  if (f.status & status_disarmed) demand(zero, "without right no force");
+  if (f.status & (status_latched | status_problem_lost))
+    demand(zero || f.force.norm() <= before.force.norm(), "without right a force only falls");
 }
 
 }  // namespace

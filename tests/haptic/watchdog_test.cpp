@@ -170,7 +170,7 @@ TEST_F(Watchdog, OldProblemIsDampingOnlyAndALostOneIsZero) {
   EXPECT_EQ(fed().render, Render::damp);
   problem_age = 200 * ms;
   v = fed();
-  EXPECT_EQ(v.render, Render::zero);
+  EXPECT_EQ(v.render, Render::release);
   EXPECT_EQ(v.status, status_problem_lost);
   problem_age = 0;  // alive again: still armed, from nothing up
   v = fed();
@@ -207,6 +207,7 @@ TEST_F(Watchdog, OwnGapOf5msMakesTheStateStaleForThatTick) {
   EXPECT_NEAR(v.gain, 0.8, 1e-12);  // the gap counts as one period, the device held its force
   v = fed(100 * ms);
   EXPECT_EQ(v.status, status_gap | status_disarmed);
+  EXPECT_EQ(v.render, Render::release);
 }
 
 TEST_F(Watchdog, RefusedStatesAreAsIfTheyHadNotComeAndThreeInARowLatch) {
@@ -227,7 +228,7 @@ TEST_F(Watchdog, RefusedStatesAreAsIfTheyHadNotComeAndThreeInARowLatch) {
   bad();
   v = bad();
   EXPECT_EQ(v.status, status_rejected | status_latched | status_disarmed);
-  EXPECT_EQ(v.render, Render::zero);
+  EXPECT_EQ(v.render, Render::release);
   EXPECT_EQ(state.refused, 5u);
   EXPECT_EQ(fed().status, status_latched | status_disarmed);  // a good state does not unlatch
   enable = false;

@@ -2,14 +2,18 @@
 // with us.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <csignal>
+#include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "server/bag_reader.h"
+#include "server/bag_recorder.h"
 #include "server/paths.h"
 #include "tests/support/process.h"
 #include "tests/tools/run_command.h"
+#include "tools/tick_listener.h"
 
 namespace hapticd {
 namespace {
@@ -108,6 +112,97 @@ TEST(OfflineReplay, TwoRunsAgreeBitForBitAndARecordingRepeatsItself) {
       run_command(compare + scratch.file("a") + " " + scratch.file("a.csv") + " --every");
   EXPECT_EQ(same.code, 0) << same.output;
   EXPECT_EQ(run(scratch.file("a") + " --scene " + cube, "c"), first);
+}
+
+// A press, and to and fro, at 1 kHz and at most 0.3 m/s: 3 mm in ten states. The client's clock began a
+// second ago.
+struct Press {
+  static constexpr int states = 800;
+  static constexpr std::int64_t begun_ns = 1'000'000'000;
+
+  static hapticd_msg_DeviceState at(int k) {
+    hapticd_msg_DeviceState s{};
+    s.number = static_cast<std::uint64_t>(k + 1);
+    s.client_time_ns = begun_ns + std::int64_t{1'000'000} * k;
+    s.position[0] = 0.005 * std::sin(0.06 * k);
+    // The tip touches at 23 mm.
+    s.position[2] = 0.0245 - 0.0020 * (1 - std::cos(0.012 * k));
+    s.orientation[3] = 1;
+    return s;
+  }
+  static std::string csv() {
+    std::string text = "t,px,py,pz\n";
+    char line[96];
+    for (int k = 0; k < states; ++k) {
+      std::snprintf(line, sizeof line, "%.3f,%.17g,0,%.17g\n", 1e-3 * k, at(k).position[0],
+                    at(k).position[2]);
+      text += line;
+    }
+    return text;
+  }
+};
+
+// The states and the forces that answer them come ten at a time, as through a network or to a process that
+// is held up; and a stranger's states, with the same numbers, come between.
+TEST(RecordDds, StatesThatComeLateInBurstsReplayAsTheyWereMoved) {
+  const ScratchDirectory scratch;
+  const auto number = static_cast<std::uint32_t>(140 + getpid() % 60);
+  const Domain dds(number, read_dds_profile("loopback"));
+  const Participant daemon_and_client(dds), recorder(dds);
+  {
+    Writer<hapticd_msg_DeviceState> state(daemon_and_client), stranger(daemon_and_client);
+    Writer<hapticd_msg_ForceCommand> force(daemon_and_client);
+    TickListener listener(recorder, 0);
+    usleep(300'000);  // discovery
+    BagRecorder bag(scratch.file("late"), 0);
+    for (int k = 0; k < Press::states; k += 10) {
+      for (int i = k; i < k + 10; ++i) {
+        hapticd_msg_DeviceState s = Press::at(i);
+        state.write(s);
+        hapticd_msg_ForceCommand f{};
+        f.number = f.echo_number = s.number;
+        f.echo_client_time_ns = s.client_time_ns;
+        s.client_time_ns += 7;
+        s.position[2] += 0.01;
+        stranger.write(s);
+        force.write(f);
+      }
+      usleep(10'000);
+      listener.take([&](const ForceRecord& r) { bag.push(r); });
+    }
+    EXPECT_EQ(listener.dropped(), 0u);
+    bag.stop();
+  }
+  const std::string scene = " --offline --scene " + cube + " --forces ";
+  const CommandResult moved = run_haptic("replay " + scratch.file("moved.csv", Press::csv()) + scene +
+                                         scratch.file("moved_forces.csv"));
+  EXPECT_EQ(moved.code, 0) << moved.output;
+  const CommandResult late =
+      run_haptic("replay " + scratch.file("late") + scene + scratch.file("late_forces.csv") + " --json " +
+                 scratch.file("late.json"));
+  EXPECT_EQ(late.code, 0) << late.output;
+  const nlohmann::json figures = nlohmann::json::parse(read_bytes(scratch.file("late.json")));
+  EXPECT_EQ(figures["states_refused"], 0);
+  EXPECT_EQ(figures["samples"], Press::states);
+  EXPECT_GT(figures["force_peak_n"], 0.01);
+  EXPECT_EQ(read_bytes(scratch.file("moved_forces.csv")), read_bytes(scratch.file("late_forces.csv")));
+}
+
+// 30 mm in a millisecond is no hand's.
+TEST(OfflineReplay, RefusedStatesFailItUnlessAllowed) {
+  const ScratchDirectory scratch;
+  std::string text = "t,px,py,pz\n";
+  for (int k = 0; k < 200; ++k)
+    text += std::to_string(1e-3 * k) + ",0,0," + (k == 100 ? "0.07" : "0.04") + "\n";
+  const std::string run = "replay " + scratch.file("jump.csv", text) + " --offline --scene " + cube;
+  const CommandResult refused = run_haptic(run);
+  EXPECT_EQ(refused.code, 1) << refused.output;
+  EXPECT_NE(refused.output.find("states were refused, the first at 0.1"), std::string::npos)
+      << refused.output;
+  EXPECT_NE(refused.output.find("max_speed is 2.00 m/s"), std::string::npos) << refused.output;
+  EXPECT_NE(refused.output.find("--allow-refused"), std::string::npos) << refused.output;
+  const CommandResult allowed = run_haptic(run + " --allow-refused");
+  EXPECT_EQ(allowed.code, 0) << allowed.output;
 }
 
 TEST(OfflineReplay, UsageIsChecked) {
