@@ -44,7 +44,8 @@ ForceReader::ForceReader(const Participant& participant, std::uint32_t device_id
               this))),
       entity_(
           require(dds_create_reader(participant.handle(), topic_.handle(), reader_qos(side).get(), nullptr),
-                  std::string("reader of ") + Traits::name)) {}
+                  std::string("reader of ") + Traits::name +
+                      (side == Side::daemon ? " (keys of an older version? run make_keys.sh again)" : ""))) {}
 
 // Cyclone's receive thread.
 bool ForceReader::wanted(const hapticd_msg_ForceCommand& force, dds_instance_handle_t writer) noexcept {

@@ -154,7 +154,7 @@ StabilityPlan plan_of(bool quick, const Setup& setup) {
 
 Setup beam() {
   Setup setup;
-  setup.mesh = box_mesh(Vec3(0.06, 0.01, 0.01), 12, 2, 2);
+  setup.mesh = box_mesh(Vec3(0.08, 0.005, 0.005), 16, 2, 2);
   for (int n = 0; n < static_cast<int>(setup.mesh.nodes.size()); ++n)
     if (setup.mesh.nodes[n].x() == 0) setup.fixed.push_back(n);
   return setup;
@@ -166,7 +166,7 @@ StabilityPlan plan_slender(StabilityBench&, bool quick) {
   Setup setup = beam();
   setup.gravity = Vec3(0, 0, -9.81);
   StabilityPlan plan = plan_of(quick, setup);
-  plan.parameter = "Young's modulus of a beam under its own weight, 60 mm × 10 mm × 10 mm [kPa]";
+  plan.parameter = "Young's modulus of a beam under its own weight, 80 mm × 5 mm × 5 mm [kPa]";
   return plan;
 }
 
@@ -176,7 +176,7 @@ StabilityPlan plan_let_go(StabilityBench&, bool quick) {
     constexpr double pressed = 0.4, depth = 6e-3, radius = 4e-3;
     InstrumentSample sample;
     sample.present = t < pressed;
-    sample.pose = {Vec3(0.055, 0.005, 0.01 + radius - depth * std::min(1.0, t / (0.5 * pressed))),
+    sample.pose = {Vec3(0.075, 0.0025, 0.005 + radius - depth * std::min(1.0, t / (0.5 * pressed))),
                    Quat::Identity()};
     return sample;
   };

@@ -24,7 +24,7 @@ enum Flag : std::uint8_t {
   gone = 16,         // no client
   other = 32,        // a conflict; with `taken`, a new client
   late = 64,         // a byte more: so many ms pass
-  republished = 128  // the simulation publishes: a byte of flags (topology, age, not finite)
+  republished = 128  // the simulation publishes: a byte of flags (topology, age, not finite, a second daemon)
 };
 
 class Tape {
@@ -110,13 +110,15 @@ void read_state(Tape& tape, std::uint8_t flags, DeviceSample& s) {
   }
 }
 
-void republish(Tape& tape, std::int64_t now_ns, CondensedProblem& p) {
+// True: from now on a second daemon is heard.
+bool republish(Tape& tape, std::int64_t now_ns, CondensedProblem& p) {
   const auto what = tape.next<std::uint8_t>();
   ++p.step;
   p.published_ns = now_ns - ms * (what >> 4);
   p.topology_changed = what & 1;
   for (int n = 0; n < p.nodes; ++n)
     p.x_free[n].z() = what & 2 ? std::numeric_limits<double>::quiet_NaN() : what & 4 ? 5e-4 : 0;
+  return what & 8;
 }
 
 // What may be sent, whatever came: the table of haptic/README.md.
@@ -156,7 +158,7 @@ void fuzz_device(FuzzInput input) {
   for (std::size_t tick = 0; tick < most_ticks && !tape.over(); ++tick) {
     const auto flags = tape.next<std::uint8_t>();
     now_ns += ms * (flags & late ? 1 + tape.next<std::uint8_t>() : 1);
-    if (flags & republished) republish(tape, now_ns, *problem);
+    if (flags & republished) in.presence.rival = republish(tape, now_ns, *problem);
     in.now_ns = now_ns;
     in.presence.connected = !(flags & gone);
     in.taken = flags & taken;

@@ -27,6 +27,17 @@ TEST(Incidents, ArmedDisarmedAndLatchedAreAlwaysSaid) {
   EXPECT_EQ(gone[1].event, "latched");
 }
 
+TEST(Incidents, ASecondDaemonIsSaidWhenItIsHeard) {
+  Incidents incidents;
+  incidents.look(0, {.device_id = 3, .status = 0});
+  const auto heard = incidents.look(s, {.device_id = 3, .status = status_rival | status_ramping_down});
+  ASSERT_EQ(heard.size(), 1u);
+  EXPECT_EQ(heard[0].event, "second_daemon");
+  EXPECT_EQ(heard[0].level, LogLevel::error);
+  EXPECT_NE(heard[0].message.find("device 3: conflict"), std::string::npos);
+  EXPECT_TRUE(incidents.look(2 * s, {.device_id = 3, .status = status_rival | status_ramping_down}).empty());
+}
+
 // 4 misses; then 1 a second, in ten seconds said once, with the ten.
 TEST(Incidents, AKindComesOnceInTenSecondsWithItsNumber) {
   Incidents incidents;

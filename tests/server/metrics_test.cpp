@@ -70,9 +70,10 @@ TEST(Metrics, IsInTheTextFormat) {
     ++samples;
   }
   EXPECT_GT(samples, 100);
-  for (const char* name : {"hapticd_haptic_deadline_misses_total", "hapticd_states_rejected_total",
-                           "hapticd_solver_caps_total", "hapticd_elements_removed_total",
-                           "hapticd_haptic_step_seconds", "hapticd_simulation_step_seconds", "hapticd_armed"})
+  for (const char* name :
+       {"hapticd_haptic_deadline_misses_total", "hapticd_states_rejected_total", "hapticd_solver_caps_total",
+        "hapticd_elements_removed_total", "hapticd_haptic_step_seconds", "hapticd_simulation_step_seconds",
+        "hapticd_armed", "hapticd_second_daemon", "hapticd_foreign_forces_total"})
     EXPECT_TRUE(types.contains(name)) << name;
 }
 
