@@ -7,6 +7,7 @@
 #include "server/paths.h"
 #include "server/realtime.h"
 #include "server/scene_reader.h"
+#include "tools/chart.h"
 #include "tools/chart_economy.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
