@@ -1,5 +1,7 @@
 #include "tools/tick_listener.h"
 
+#include <algorithm>
+
 #include "server/diagnostics.h"
 
 namespace hapticd {
@@ -48,6 +50,15 @@ void TickListener::receive_forces() noexcept {
   }
 }
 
+// Newest first. Another client's state may have the same number, but hardly its clock's time.
+const TickListener::State* TickListener::state_of(const hapticd_msg_ForceCommand& m) const {
+  for (std::size_t back = 1; back <= std::min(remembered_, state_.size()); ++back) {
+    const State& s = state_[(remembered_ - back) % state_.size()];
+    if (s.message.number == m.echo_number && s.message.client_time_ns == m.echo_client_time_ns) return &s;
+  }
+  return nullptr;
+}
+
 ForceRecord TickListener::record_of(const Force& f) {
   const hapticd_msg_ForceCommand& m = f.message;
   ForceRecord record;
@@ -65,12 +76,12 @@ ForceRecord TickListener::record_of(const Force& f) {
   record.force.energy = static_cast<double>(m.energy);
   if (m.echo_number == 0 || m.echo_number == answered_) return record;
   answered_ = m.echo_number;
-  const State& s = state_[m.echo_number % remembered];
-  // Another client's state may have the same number.
-  if (s.message.number != m.echo_number || s.message.client_time_ns != m.echo_client_time_ns) {
+  const State* state = state_of(m);
+  if (!state) {
     ++without_pose_;
     return record;
   }
+  const State& s = *state;
   record.force.answers = true;
   record.device.p = Eigen::Map<const Vec3>(s.message.position);
   record.device.q.coeffs() = Eigen::Map<const Eigen::Vector4d>(s.message.orientation);
@@ -86,7 +97,7 @@ void TickListener::take(const std::function<void(const ForceRecord&)>& sink) {
   std::size_t count = 0;
   while (count < batch.size() && forces_.pop(batch[count])) ++count;
   State state;
-  while (states_.pop(state)) state_[state.message.number % remembered] = state;
+  while (states_.pop(state)) state_[remembered_++ % state_.size()] = state;
   for (std::size_t i = 0; i < count; ++i) sink(record_of(batch[i]));
 }
 

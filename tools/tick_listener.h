@@ -46,14 +46,15 @@ class TickListener {
   };
   void receive_states() noexcept;
   void receive_forces() noexcept;
+  const State* state_of(const hapticd_msg_ForceCommand& force) const;
   ForceRecord record_of(const Force& force);
 
-  static constexpr std::size_t remembered = 1024;  // states, by number
   const std::uint32_t device_id_;
   SpscQueue<State> states_{8192};
   SpscQueue<Force> forces_{8192};
-  std::array<State, remembered> state_{};
-  std::uint64_t answered_ = 0;  // the newest state that a force answered
+  std::array<State, 1024> state_{};  // the newest
+  std::size_t remembered_ = 0;       // states so far
+  std::uint64_t answered_ = 0;       // the newest state that a force answered
   std::uint64_t without_pose_ = 0;
   Reader<hapticd_msg_ServerStatus> status_;
   Reader<hapticd_msg_DeviceState> state_reader_;
