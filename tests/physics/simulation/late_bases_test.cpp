@@ -157,7 +157,10 @@ TEST_P(LateBases, StopNothingWhateverElseHappens) {
   EXPECT_GT(slept, 5);
   EXPECT_GT(woke, 5);
   EXPECT_GT(removed, 20);
-  if (!GetParam().touching) EXPECT_GT(interim, 5);
+  // There is none where bodies touch, nor of rotations that were not foreseen (interim.h).
+  if (!GetParam().touching && (GetParam().lead > 0 || !GetParam().corotational)) {
+    EXPECT_GT(interim, 5);
+  }
   if (GetParam().method == ComplianceMethod::zone) {
     EXPECT_GT(adopted, 5);
     EXPECT_GT(waited, 0);
@@ -174,7 +177,7 @@ INSTANTIATE_TEST_SUITE_P(Methods, LateBases,
                                          Case{ComplianceMethod::zone, 0, false, false},
                                          Case{ComplianceMethod::lazy, 0.9 * h, true, false},
                                          Case{ComplianceMethod::lazy, 0, true, false},
-                                         Case{ComplianceMethod::updown, 0, true, false},
+                                         Case{ComplianceMethod::updown, 0.9 * h, true, false},
                                          Case{ComplianceMethod::dense, 0, true, false}));
 
 }  // namespace
