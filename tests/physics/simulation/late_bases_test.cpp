@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 #include <random>
 #include <string>
@@ -93,7 +94,9 @@ class LateBases : public testing::TestWithParam<Case> {};
 // after up to fifty steps, fail, or never come; removals out of the tip's reach; problems made again.
 TEST_P(LateBases, StopNothingWhateverElseHappens) {
   int slept = 0, woke = 0, adopted = 0, waited = 0, interim = 0, removed = 0;
-  for (unsigned seed = 1; seed <= 8; ++seed) {
+  // Only `zone` takes bases into use; a base, sleep, waking and a removal in that step seldom meet.
+  const unsigned seeds = GetParam().method == ComplianceMethod::zone && GetParam().lead > 0 ? 60 : 8;
+  for (unsigned seed = 1; seed <= seeds; ++seed) {
     const auto world = two_blocks(GetParam());
     const auto first = std::make_unique<CondensedProblem>(), second = std::make_unique<CondensedProblem>();
     std::mt19937 random(seed);
@@ -120,7 +123,9 @@ TEST_P(LateBases, StopNothingWhateverElseHappens) {
         x += std::clamp(to_x - x, -8e-4, 8e-4);
         depth += std::clamp(to_depth - depth, -8e-4, 3e-4);
         tip.pose.p = over(x, depth, false).pose.p;
-        if (chance(0.05))
+        // Most of all while the tip comes down to what may have slept.
+        const bool coming = to_depth > depth && std::abs(depth + alarm) < 6e-4;
+        if (chance(coming ? 0.5 : 0.02))
           world->schedule_removal(chance(0.5),
                                   {static_cast<int>(between(0, world->bodies()[0].model.tet_count()))});
         const StepReport report =
