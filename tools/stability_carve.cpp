@@ -265,6 +265,7 @@ class Episode {
     report_.fastest = std::max(report_.fastest, seen.fastest);
     report_.made = std::max(report_.made, seen.made);
     energy_ = std::max(energy_, seen.free_energy);
+    report_.free_energy = std::max(report_.free_energy, energy_);
     const double made_allowed = energy_allowed * energy_ + small_energy;
     report_.made_allowed = std::max(report_.made_allowed, made_allowed);
     if (seen.farthest > watch_.bounds().farthest)
@@ -299,6 +300,7 @@ void add(const CarveReport& part, CarveReport& sum) {
   sum.fastest = std::max(sum.fastest, part.fastest);
   sum.fastest_allowed = std::max(sum.fastest_allowed, part.fastest_allowed);
   sum.made = std::max(sum.made, part.made);
+  sum.free_energy = std::max(sum.free_energy, part.free_energy);
   sum.made_allowed = std::max(sum.made_allowed, part.made_allowed);
   sum.status |= part.status;
   sum.faults.insert(sum.faults.end(), part.faults.begin(), part.faults.end());

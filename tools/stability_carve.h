@@ -40,6 +40,7 @@ struct CarveReport {
   double farthest = 0, farthest_allowed = 0;  // [m]
   double fastest = 0, fastest_allowed = 0;    // [m/s]
   double made = 0, made_allowed = 0;          // by a free piece [J]
+  double free_energy = 0;                     // largest of one when it was let go; 0: there was none [J]
   std::uint32_t status = 0;                   // every bit that was set
   std::vector<CarveFault> faults;
 };

@@ -156,6 +156,7 @@ nlohmann::ordered_json to_json(const CarveReport& r) {
                               {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
                               {"made_j", r.made},
                               {"made_allowed_j", r.made_allowed},
+                              {"free_energy_j", r.free_energy},
                               {"status", r.status},
                               {"faults", nlohmann::ordered_json::array()}};
   for (const CarveFault& f : r.faults)
@@ -220,7 +221,7 @@ bool print(const StabilityChart& chart) {
     std::printf(
         "carve: %lld ticks, %lld strokes, %d removed, largest force %.3f of %.1f N, farthest %.2f of %.2f "
         "mm, "
-        "fastest %.1f of %.1f mm/s, made %.2g J by a free piece  %s\n",
+        "fastest %.1f of %.1f mm/s, made %.2g J by free pieces of up to %.2g J  %s\n",
         static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
         r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
         r.made, r.faults.empty() ? "sound" : "UNSOUND");

@@ -34,8 +34,8 @@ TEST(Stability, QuickAtlas) {
 // The cataract scene carved; ten times as long and more in `haptic stability --mode carve`.
 TEST(Stability, CarvedTissueNeitherBurstsNorEndsTheDaemon) {
   CarveSettings settings;
-  settings.ticks = 24'000;
-  settings.episode = 12'000;
+  settings.ticks = 16'000;
+  settings.episode = 8'000;
   settings.seed = 1001;
   const CarveReport r = run_carve(read_scene(config_directory() / "scenes/cataract/cataract.yaml"), settings,
                                   [](double) { return true; });
