@@ -224,7 +224,7 @@ bool print(const StabilityChart& chart) {
         "fastest %.1f of %.1f mm/s, made %.2g J by free pieces of up to %.2g J  %s\n",
         static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
         r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
-        r.made, r.faults.empty() ? "sound" : "UNSOUND");
+        r.made, r.free_energy, r.faults.empty() ? "sound" : "UNSOUND");
     for (const CarveFault& f : r.faults)
       std::printf("  seed %llu, tick %lld: %s\n", static_cast<unsigned long long>(f.seed),
                   static_cast<long long>(f.tick), f.what.c_str());
