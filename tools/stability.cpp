@@ -94,6 +94,18 @@ bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityCh
   return on;
 }
 
+bool carved(const char*, StabilityBench&, const Settings& settings, StabilityChart& chart,
+            const ModeProgress& progress) {
+  CarveSettings carve;
+  if (settings.quick) carve.ticks = 5000;
+  if (settings.random_ticks > 0) carve.ticks = settings.random_ticks;
+  carve.seed = settings.random_seed;
+  bool on = true;
+  chart.carve.push_back(run_carve(read_scene(config_directory() / "scenes/cataract/cataract.yaml"), carve,
+                                  [&](double f) { return on = progress(f); }));
+  return on;
+}
+
 struct Entry {
   const char* name;
   bool (*run)(const char* name, StabilityBench&, const Settings&, StabilityChart&, const ModeProgress&);
@@ -126,6 +138,7 @@ constexpr Entry entries[] = {
     {"friction", swept<plan_friction>, 1},
     {"stiffness ratio", swept<plan_stiffness_ratio>, 1},
     {"random", strayed, 50},
+    {"carve", carved, 50},
 };
 
 }  // namespace
@@ -189,6 +202,7 @@ StabilityChart chart_stability(const Scene& cube, const StabilitySettings& setti
     join(chart.grasps, part.grasps);
     join(chart.modes, part.modes);
     join(chart.random, part.random);
+    join(chart.carve, part.carve);
   }
   return chart;
 }

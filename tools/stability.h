@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "server/scene.h"
+#include "tools/stability_carve.h"
 #include "tools/stability_mode.h"
 #include "tools/stability_random.h"
 
@@ -60,12 +61,13 @@ struct StabilityChart {
   std::vector<StiffnessPoint> grasps;
   std::vector<StabilityMode> modes;
   std::vector<RandomReport> random;
+  std::vector<CarveReport> carve;
 };
 
 struct StabilitySettings {
   bool quick = false;
   std::vector<std::string> only;  // modes by name; empty: all
-  std::int64_t random_ticks = 0;  // of mode `random`; 0: 10⁶, quick 5000
+  std::int64_t random_ticks = 0;  // of modes `random` and `carve`; 0: 10⁶, quick 5000
   std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
 };
 

@@ -142,6 +142,29 @@ nlohmann::ordered_json to_json(const RandomReport& r) {
           {"status", r.status}};
 }
 
+nlohmann::ordered_json to_json(const CarveReport& r) {
+  nlohmann::ordered_json j = {{"ticks", r.ticks},
+                              {"steps", r.steps},
+                              {"strokes", r.strokes},
+                              {"in_contact", r.in_contact},
+                              {"latched", r.latched},
+                              {"removed", r.removed},
+                              {"force_max_n", rounded(r.force_max, 5)},
+                              {"device_max_n", r.device_max},
+                              {"farthest_mm", rounded(1e3 * r.farthest, 4)},
+                              {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
+                              {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
+                              {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
+                              {"made_j", r.made},
+                              {"made_allowed_j", r.made_allowed},
+                              {"free_energy_j", r.free_energy},
+                              {"status", r.status},
+                              {"faults", nlohmann::ordered_json::array()}};
+  for (const CarveFault& f : r.faults)
+    j["faults"].push_back({{"seed", f.seed}, {"tick", f.tick}, {"what", f.what}});
+  return j;
+}
+
 nlohmann::ordered_json to_json(const DdsPress& p) {
   return {{"force_scale", p.force_scale},
           {"displayed_n_m", rounded(p.displayed, 1)},
@@ -163,6 +186,7 @@ nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
   for (const StiffnessPoint& p : chart.map) json["map"].push_back(to_json(p));
   for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
   for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
+  for (const CarveReport& r : chart.carve) json["carve"].push_back(to_json(r));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   return json;
@@ -193,6 +217,19 @@ bool print(const StabilityChart& chart) {
         static_cast<long long>(r.ticks), r.passivity_control ? "on" : "off", r.removed, r.force_max,
         r.device_max, 1e3 * r.made, sound ? "sound" : "UNSOUND");
     all = all && sound;
+  }
+  for (const CarveReport& r : chart.carve) {
+    std::printf(
+        "carve: %lld ticks, %lld strokes, %d removed, largest force %.3f of %.1f N, farthest %.2f of %.2f "
+        "mm, "
+        "fastest %.1f of %.1f mm/s, made %.2g J by free pieces of up to %.2g J  %s\n",
+        static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
+        r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
+        r.made, r.free_energy, r.faults.empty() ? "sound" : "UNSOUND");
+    for (const CarveFault& f : r.faults)
+      std::printf("  seed %llu, tick %lld: %s\n", static_cast<unsigned long long>(f.seed),
+                  static_cast<long long>(f.tick), f.what.c_str());
+    all = all && r.faults.empty();
   }
   return all;
 }
@@ -253,10 +290,10 @@ Command add_stability(CLI::App& application) {
       ->check(CLI::IsMember(stability_mode_names()));
   app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
-  app->add_option("--ticks", options->settings.random_ticks, "of the random loop, default a million")
+  app->add_option("--ticks", options->settings.random_ticks, "of random and carve, default a million")
       ->check(CLI::PositiveNumber);
   app->add_option("--seed", options->settings.random_seed,
-                  "of the random loop's first episode of 40 000 ticks; the next has the next")
+                  "of the first episode of random (40 000 ticks) and carve (100 000); the next has the next")
       ->check(CLI::PositiveNumber);
   app->footer(
       "Exit code 1 where the daemon breaks within what is required of it.\n"

@@ -1,14 +1,12 @@
 #include "tools/stability_random.h"
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cmath>
-#include <random>
-#include <thread>
 #include <vector>
 
+#include "tools/episodes.h"
 #include "tools/hand_model.h"
+#include "tools/lens_hand.h"
 #include "tools/virtual_daemon.h"
 
 namespace hapticd {
@@ -17,21 +15,6 @@ namespace {
 
 constexpr double tick_s = 1e-3;
 constexpr int substeps = 4;
-// The lens and the incision (config/scenes/cataract: profile.geo, cornea.geo, make_trajectory.py).
-constexpr double pole = 1.75e-3, curvature = 10e-3, tip_radius = 0.5e-3;
-const Vec3 incision(0, -4.2e-3, -1.9e-3 + 6.2438e-3);
-
-class Chance {
- public:
-  explicit Chance(std::uint64_t seed) : random_(seed) {}
-  double between(double low, double high) {
-    return low + (high - low) * (static_cast<double>(random_() >> 11) * 0x1p-53);
-  }
-  bool happens(double probability) { return between(0, 1) < probability; }
-
- private:
-  std::mt19937_64 random_;
-};
 
 // Where a hand strays: ways of minimum jerk from place to place.
 class Stray {
@@ -58,24 +41,11 @@ class Stray {
   bool lost() const { return at_ >= lost_from_ && at_ < lost_to_; }
 
  private:
-  // Centre of the tip's sphere with its lowest point `depth` below the lens's surface at rest.
-  static Vec3 over_lens(double x, double y, double depth) {
-    return {x, y, pole - curvature + std::sqrt(curvature * curvature - x * x - y * y) + tip_radius - depth};
-  }
-
   Chance chance_;
   Vec3 from_, to_;
   int at_ = 0, length_ = 400, lost_from_ = 1 << 30, lost_to_ = 1 << 30;
   std::uint32_t buttons_ = 0;
 };
-
-// The shaft's direction as the instrument's z, its x level.
-Quat through_incision(const Vec3& tip) {
-  const Vec3 z = (incision - tip).normalized(), x = Vec3(-z.y(), z.x(), 0).normalized();
-  Mat3 R;
-  R << x, z.cross(x), z;
-  return Quat(R).normalized();
-}
 
 void episode(const Scene& scene, const RandomSettings& settings, std::uint64_t seed, std::int64_t ticks,
              RandomReport& report, const std::function<bool(std::int64_t)>& progress) {
@@ -129,7 +99,7 @@ void episode(const Scene& scene, const RandomSettings& settings, std::uint64_t s
     report.controlled_work -= control.dot(state.x - before);
     before = state.x;
     if (i + 1 == ticks) report.solver_caps += answer.solver_caps;
-    if (i % 256 == 0 && !progress(i)) return;
+    if (i % 256 == 0 && !progress(256)) return;
   }
   report.made = std::max(report.made, -energy.minimum);
   report.absorbed += energy.energy;
@@ -159,30 +129,12 @@ void add(const RandomReport& part, RandomReport& sum) {
 
 RandomReport run_random(const Scene& cataract, const RandomSettings& settings,
                         const std::function<bool(double)>& progress) {
-  const std::int64_t episodes = (settings.ticks + settings.episode - 1) / settings.episode;
-  std::vector<RandomReport> parts(static_cast<std::size_t>(episodes));
-  std::atomic<std::int64_t> next{0}, done{0};
-  std::atomic<bool> on{true};
-  // Episodes know nothing of one another: a thread for each core, summed in their order.
-  const auto work = [&] {
-    for (std::int64_t e; on && (e = next++) < episodes;) {
-      const std::int64_t ticks = std::min(settings.episode, settings.ticks - e * settings.episode);
-      episode(cataract, settings, settings.seed + static_cast<std::uint64_t>(e), ticks,
-              parts[static_cast<std::size_t>(e)], [&](std::int64_t) {
-                done += 256;
-                return on.load();
-              });
-    }
+  const auto run = [&](std::uint64_t seed, std::int64_t ticks, RandomReport& part,
+                       const std::function<bool(std::int64_t)>& done) {
+    episode(cataract, settings, seed, ticks, part, done);
   };
-  std::vector<std::thread> threads;
-  const auto cores = static_cast<std::int64_t>(std::max(1u, std::thread::hardware_concurrency()));
-  for (std::int64_t k = 0; k < std::min(cores, episodes); ++k) threads.emplace_back(work);
-  const auto all = static_cast<double>(settings.ticks);
-  while (on && next < episodes + static_cast<std::int64_t>(threads.size())) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    on = progress(std::min(1.0, static_cast<double>(done) / all));
-  }
-  for (std::thread& t : threads) t.join();
+  const std::vector<RandomReport> parts =
+      run_episodes<RandomReport>(settings.ticks, settings.episode, settings.seed, run, progress);
   RandomReport report;
   report.passivity_control = settings.passivity_control;
   report.device_max = cataract.device.max_force;

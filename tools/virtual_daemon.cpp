@@ -11,7 +11,8 @@ namespace hapticd {
 namespace {
 
 constexpr double tick_s = 1e-3;
-constexpr double instant = 1e-9;  // times closer than this are the same [s]
+constexpr double refresh_takes = 2e-3;  // from its pose until it is in use [s]
+constexpr double instant = 1e-9;        // times closer than this are the same [s]
 constexpr std::int64_t first_ns = 1'000'000'000;
 
 std::int64_t in_ns(double t) { return first_ns + static_cast<std::int64_t>(1e9 * t + 0.5); }
@@ -59,10 +60,8 @@ InstrumentSample VirtualDaemon::known_at(double t) const {
 }
 
 void VirtualDaemon::step(double begin) {
-  while (!bases_.empty()) {
-    world_->adopt(std::move(bases_.front()));
-    bases_.pop_front();
-  }
+  for (; !bases_.empty() && bases_.front().step <= steps_; bases_.pop_front())
+    world_->adopt(std::move(bases_.front().job));
   const double latch = begin + std::min(options_.latch_after, h_ - tick_s);
   bool latched = false;
   const auto interim = [&]() -> CondensedProblem& {
@@ -79,12 +78,25 @@ void VirtualDaemon::step(double begin) {
     } catch (const std::runtime_error&) {
       job.failed = true;
     }
-    bases_.push_back(std::move(job));
+    bases_.push_back({steps_ + options_.base_steps, std::move(job)});
   }
+  ++steps_;
+}
+
+// The problem in use made again, to be in use from then on.
+void VirtualDaemon::refresh(double use) {
+  if (!world_->refresh(known_at(use - refresh_takes), *next_)) return;
+  std::swap(in_use_, next_);
+  in_use_->published_ns = in_ns(use);
 }
 
 void VirtualDaemon::advance(double t) {
   for (;;) {
+    if (!refreshes_.empty() && refreshes_.front() <= t + instant) {
+      refresh(refreshes_.front());
+      refreshes_.pop_front();
+      continue;
+    }
     if (!stepped_ && options_.stall_for > 0 && begin_ >= options_.stall_from - instant &&
         begin_ < options_.stall_from + options_.stall_for - instant)
       begin_ = options_.stall_from + options_.stall_for;
@@ -101,6 +113,9 @@ void VirtualDaemon::advance(double t) {
     in_use_->published_ns = in_ns(published);
     local_.publish(published, *in_use_, contact_);
     stepped_ = false;
+    for (const double at : options_.refresh_at)
+      if (begin_ + at * h_ >= published - instant && at * h_ + refresh_takes <= h_ + instant)
+        refreshes_.push_back(begin_ + at * h_ + refresh_takes);
     begin_ += h_;
     while (known_.size() > 2 && known_[1].t <= begin_ - instant) known_.pop_front();
   }

@@ -4,17 +4,19 @@
 //   tick i at t = i · 1 ms   haptic_step on the newest problem in use, with the state that arrived, if one
 //   did step k                   begins at k h with the instrument as the loop told it last, latches it
 //                            `latch_after` later, and its problem is in use from `publish_after` on; where
-//                            something goes, an interim problem (interim.h) from the tick after the latch on
+//                            something goes, an interim problem (interim.h) from the tick after the latch on,
+//                            and its own made again (World::refresh) with the poses of k h + refresh_at h
 //
 // As offline_run.h, but closed: a step is computed when its problem is due, so that poses up to its latch are
-// known, whatever they depend on. A stall is a time in which no step begins. Bases are adopted at the step
-// after. Nothing depends on the clock: two runs agree bit for bit. Units: SI, ns in samples. Errors: as
+// known, whatever they depend on. A stall is a time in which no step begins. Bases are adopted `base_steps`
+// steps after. Nothing depends on the clock: two runs agree bit for bit. Units: SI, ns in samples. Errors: as
 // World's.
 #pragma once
 
 #include <deque>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "haptic/haptic_step.h"
 #include "physics/simulation/world.h"
@@ -32,8 +34,12 @@ struct VirtualDaemonOptions {
   double latch_after = 1e-3;             // of a step's begin [s]
   double publish_after = 10e-3;          // … at most a period [s]
   double stall_from = 0, stall_for = 0;  // [s]
-  std::optional<double> blend_time;      // after a removal [s]; absent: the daemon's
-  int sweeps_only = 0;  // > 0: contact by so many sweeps of block Gauss-Seidel, in both loops
+  int base_steps = 1;                    // from the step that asks for a base to the one that adopts it
+  // Poses of World::refresh, in periods after a step's begin; in use 2 ms later, where that is between the
+  // step's own problem and the next step. The daemon's are 0.6 and 0.8.
+  std::vector<double> refresh_at;
+  std::optional<double> blend_time;  // after a removal [s]; absent: the daemon's
+  int sweeps_only = 0;               // > 0: contact by so many sweeps of block Gauss-Seidel, in both loops
 };
 
 // What renders a force from a device's state, each millisecond.
@@ -61,6 +67,7 @@ class VirtualDaemon final : public Renderer {
 
   void advance(double t);
   void step(double begin);
+  void refresh(double use);
   InstrumentSample known_at(double t) const;
   ForceSample baseline(const DeviceSample& sample, double t);
 
@@ -77,7 +84,12 @@ class VirtualDaemon final : public Renderer {
   std::unique_ptr<HapticState> state_ = std::make_unique<HapticState>();
   LocalModel local_;
   std::deque<Known> known_;
-  std::deque<BaseJob> bases_;
+  struct Base {
+    std::int64_t step;  // that adopts it
+    BaseJob job;
+  };
+  std::deque<Base> bases_;
+  std::deque<double> refreshes_;  // when problems made again come into use [s]
   DeviceSample newest_;
   double begin_ = 0;
   std::int64_t count_ = 0, steps_ = 0;

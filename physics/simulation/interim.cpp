@@ -163,10 +163,14 @@ bool condense_without(Body& body, std::span<const int> tets, std::span<const Tur
   out.moved = right.col(wanted + size);
   out.moved_by = right.leftCols(wanted);
   out.C = C_all.topLeftCorner(wanted, wanted);
-  out.C.triangularView<Eigen::Lower>() += C_G.topRows(wanted) * (gone.M * right.leftCols(wanted));
-  out.C.triangularView<Eigen::StrictlyUpper>() = out.C.transpose();
   out.dx_free = z.head(wanted);
-  out.dx_free.noalias() += C_G.topRows(wanted) * (gone.M * right.col(wanted + size));
+  // Nothing goes from a body that is pressed beside one that is cut: its problem is the plain one. Eigen
+  // divides by the depth of a product that is written into a triangle.
+  if (size > 0) {
+    out.C.triangularView<Eigen::Lower>() += C_G.topRows(wanted) * (gone.M * right.leftCols(wanted));
+    out.dx_free.noalias() += C_G.topRows(wanted) * (gone.M * right.col(wanted + size));
+  }
+  out.C.triangularView<Eigen::StrictlyUpper>() = out.C.transpose();
   out.dx_pressed = C_all.topRows(wanted) * force;
   for (int i = 0; i < kept; ++i) {
     out.dx_free.segment<3>(3 * i) += at.offset(nodes[i]);

@@ -42,10 +42,17 @@ std::vector<BaseJob> World::wanted_bases() {
   return jobs;
 }
 
-// After an interim problem, which needs the factor that there is.
+// After an interim problem, which needs the factor that there is. A new base is of no use before an `update`,
+// and a body that sleeps has none in this step: its base waits until it wakes, or the interim problem of the
+// step that wakes it would find no factor. What sleeps does not change, so the base still fits.
 void World::adopt_bases(StepReport& report) {
+  std::vector<BaseJob> waiting;
   for (BaseJob& job : made_) {
     Body& body = bodies_[job.body];
+    if (body.asleep) {
+      waiting.push_back(std::move(job));
+      continue;
+    }
     body.base_under_way = false;
     body.last_base_steps = body.base_steps;
     body.base_steps = 0;
@@ -54,7 +61,7 @@ void World::adopt_bases(StepReport& report) {
     ahead_[job.body] = 0;
     ++report.bases_adopted;
   }
-  made_.clear();
+  made_ = std::move(waiting);
 }
 
 std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const Pose& X) const {

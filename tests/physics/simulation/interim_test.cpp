@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
@@ -128,6 +129,39 @@ INSTANTIATE_TEST_SUITE_P(Bodies, Without,
                                          Case{true, ComplianceMethod::zone, 1000, 1e-10},
                                          Case{true, ComplianceMethod::exact, 1e-3, 1e-8}));
 
+// A body that loses nothing while another does: the problem that its own factor gives.
+TEST(Interim, OfABodyThatLosesNothingIsItsPlainProblem) {
+  for (const auto method : {ComplianceMethod::exact, ComplianceMethod::zone})
+    for (const bool ahead : {false, true}) {
+      Body body(soft_block(4, ahead), h, gravity, method);
+      disturb(body);
+      std::vector<int> all(body.model.node_count());
+      for (std::size_t n = 0; n < all.size(); ++n) all[n] = static_cast<int>(n);
+      body.compliance->move_zone(all);
+      body.compliance->update(body.state);
+      compute_free_motion(body, h);
+      finish_free_motion(body, nullptr);
+      if (ahead) linearise_ahead(body, h);
+      int kept = 0;
+      const std::vector<int> nodes = nodes_of_interest(body, {}, kept);
+      ASSERT_EQ(kept, static_cast<int>(nodes.size()));
+      know_free_motion(body, nodes);
+      VecX force(3 * kept);
+      for (int i = 0; i < 3 * kept; ++i) force[i] = 1e-3 * std::sin(i);
+      Condensed interim;
+      ASSERT_TRUE(condense_without(body, {}, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
+                                   force, 0, interim));
+      MatX C(3 * kept, 3 * kept);
+      body.compliance->patch(nodes, C);
+      VecX dx(3 * kept);
+      for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = body.dx_free.segment<3>(3 * nodes[i]);
+      EXPECT_LT((interim.C - C).norm(), 1e-14 * C.norm());
+      EXPECT_LT((interim.dx_free - dx).norm(), 1e-14 * dx.norm());
+      EXPECT_LT((interim.dx_pressed - dx - C * force).norm(), 1e-14 * interim.dx_pressed.norm());
+      EXPECT_TRUE(interim.changed.empty());
+    }
+}
+
 TEST(Interim, OfNodesThatTheZoneDoesNotCoverThereIsNone) {
   Body body(soft_block(4, false), h, gravity);
   const std::vector<int> zone = {highest_node(body)};
@@ -217,7 +251,7 @@ class PressedWorld : public testing::Test {
  protected:
   static InstrumentSample sample() { return {{Vec3(0.01, 0.01, 0.0215), Quat::Identity()}, true}; }
 
-  static std::unique_ptr<World> world(bool corotational) {
+  static std::unique_ptr<World> world(bool corotational, const BodySettings* second = nullptr) {
     WorldSettings s;
     s.h = h;
     s.alarm_distance = 3e-3;
@@ -232,6 +266,7 @@ class PressedWorld : public testing::Test {
     std::vector<BodySettings> bodies;
     bodies.push_back(soft_block(6, corotational));
     bodies[0].friction = 0;
+    if (second) bodies.push_back(*second);
     return std::make_unique<World>(std::move(bodies), instrument, s);
   }
 
@@ -305,6 +340,39 @@ TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
     EXPECT_GT((before - own).norm(), 0.05 * before.norm()) << "it was worth an interim problem";
     EXPECT_FALSE(step(*w).interim);
   }
+}
+
+// The tip presses two blocks, which stand in one another as bodies without a pair may; one of them loses
+// elements.
+TEST_F(PressedWorld, WhatAnotherBodyLosesLeavesAPressedBodysProblemAlone) {
+  BodySettings other = soft_block(9, true);  // so fine that Eigen takes its products in blocks
+  other.name = "other";
+  other.removable = false;
+  other.material.rayleigh_stiffness = 0;  // or its x_free would be moved with x_now
+  for (Vec3& x : other.mesh.nodes) x.x() += 0.012;
+  const auto w = world(true, &other);
+  for (int i = 0; i < 40; ++i) step(*w);
+  const auto before = std::make_unique<CondensedProblem>(*first);
+  w->schedule_removal(0, under_tip(*w));
+  ASSERT_TRUE(step(*w).interim);
+
+  // Its samples by name, and through them its nodes in both problems.
+  std::vector<std::pair<int, int>> node;  // in the problem before, in the interim one
+  for (int k = 0; k < before->samples; ++k)
+    for (int j = 0; j < first->samples; ++j)
+      if (before->sample[k].id >> 56 == 1 && before->sample[k].id == first->sample[j].id)
+        for (int c = 0; c < 3; ++c) node.emplace_back(before->sample[k].node[c], first->sample[j].node[c]);
+  ASSERT_GE(node.size(), 9u);
+  double most = 0;
+  for (const auto& [i, m] : node) {
+    EXPECT_LT((before->x_free[i] - first->x_free[m]).norm(), 1e-12);
+    for (const auto& [j, n] : node) {
+      const Mat3 C = before->C().block<3, 3>(3 * i, 3 * j);
+      most = std::max(most, C.norm());
+      EXPECT_LT((C - first->C().block<3, 3>(3 * m, 3 * n)).norm(), 1e-10 * most);
+    }
+  }
+  EXPECT_GT(most, 0);
 }
 
 // The tip goes on sideways after the step in which elements went.
