@@ -48,8 +48,10 @@ struct DriverOptions {
   std::uint32_t domain = 0;
   std::uint32_t device_id = 0;
   std::filesystem::path keys;  // of a daemon with --secure; empty: none
-  double duration = 0;         // [s]; 0: until a signal
-  bool realtime = true;        // ask for SCHED_FIFO 50
+  bool open_network =
+      false;            // a profile that names an interface is used without keys: whoever is there is trusted
+  double duration = 0;  // [s]; 0: until a signal
+  bool realtime = true;  // ask for SCHED_FIFO 50
 };
 
 struct DriverReport {
