@@ -17,6 +17,7 @@
 
 #include "server/daemon.h"
 #include "server/dds.h"
+#include "server/dds_log.h"
 #include "server/input_error.h"
 #include "server/log.h"
 #include "server/metrics_server.h"
@@ -123,8 +124,10 @@ sigset_t block_signals() {
   action.sa_flags = SA_SIGINFO | SA_RESTART;
   for (int number = 1; number <= SIGRTMAX; ++number)
     if (sigismember(&set, number) == 1) sigaction(number, &action, nullptr);
-  // A file at its size limit is a full disk: the recording ends, the daemon does not.
+  // A file at its size limit is a full disk: the recording ends, the daemon does not. Nor where nobody reads
+  // its log.
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
   return set;
 }
 
@@ -222,6 +225,7 @@ int run(const Arguments& a) {
   const auto path = [](const std::string& text) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
+  take_dds_log();
   Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security});
   daemon.start();
   announce(daemon.grants());
@@ -242,6 +246,7 @@ int run(const Arguments& a) {
   notifier.stopping();
   log(LogLevel::info, "stopping", "stopping");
   daemon.stop();
+  write_whole_dds_log();
   if (!a.json.empty()) write_figures(daemon, a.json);
   if (daemon.failed()) throw std::runtime_error("the simulation stopped: " + daemon.failure());
   return 0;
@@ -269,6 +274,7 @@ int main(int argc, char** argv) {
     std::cerr << "hapticd: not enough memory for this scene\n";
     return run_error;
   } catch (const std::exception& e) {
+    write_whole_dds_log();
     log(LogLevel::error, "failed", e.what());
     return run_error;
   }

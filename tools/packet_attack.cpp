@@ -134,7 +134,9 @@ class Stranger {
           for (int i = 0; i < participants_at_most; ++i) send(p, discovery_port(i));
         }
       pollfd wait{socket_, POLLIN, 0};
-      while (poll(&wait, 1, 100) > 0) {
+      // Who is there does not fall silent: a round has its time.
+      for (const std::int64_t until = monotonic_ns() + 200'000'000;
+           monotonic_ns() < until && poll(&wait, 1, 100) >= 0;) {
         Packet p(65536);
         const ssize_t n = recv(socket_, p.data(), p.size(), MSG_DONTWAIT);
         if (n < static_cast<ssize_t>(header_size)) continue;

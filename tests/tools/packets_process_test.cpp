@@ -1,8 +1,10 @@
 // The daemon under RTPS messages that no Cyclone would send: those that were found to abort it, and
 // mutations.
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,6 +13,7 @@
 #include <fstream>
 #include <memory>
 #include <sstream>
+#include <thread>
 
 #include "server/dds.h"
 #include "tests/support/process.h"
@@ -126,6 +129,53 @@ TEST_F(PacketsDaemon, SurvivesMutatedPacketsWithKeys) {
   ASSERT_EQ(made.code, 0) << made.output;
   start({"--secure", keys});
   survives_mutations();
+}
+
+// Whoever should read the log does not: the device goes on, and the end comes in time.
+TEST_F(PacketsDaemon, AFullPipeForALogHoldsNobody) {
+  const std::string fifo = scratch_.file("log.fifo");
+  ASSERT_EQ(mkfifo(fifo.c_str(), 0600), 0);
+  const int pipe = open(fifo.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  ASSERT_GE(pipe, 0);
+  daemon_ = std::make_unique<ChildProcess>(std::vector<std::string>{BIN_DIR "/hapticd", cube, "--domain",
+                                                                    std::to_string(domain_), "--log", "json"},
+                                           fifo);
+  std::string text;
+  for (int i = 0; i < 400 && text.find("\"ready\"") == std::string::npos; ++i) {
+    char part[4096];
+    if (const ssize_t n = read(pipe, part, sizeof part); n > 0)
+      text.append(part, static_cast<std::size_t>(n));
+    usleep(50'000);
+  }
+  ASSERT_NE(text.find("\"ready\""), std::string::npos) << text;
+  while (write(pipe, "full", 4) == 4) continue;
+
+  std::thread attack(
+      [this] { attack_with_packets({.domain = domain_, .packets = 24'000, .rate = 3'000, .seconds = 8}); });
+  const CommandResult client =
+      run_haptic("replay " SOURCE_DIR "/config/scenes/cube/press.csv --domain " + std::to_string(domain_) +
+                 " --min-answered " + std::to_string(0.9 * answered_share()));
+  EXPECT_EQ(client.code, 0) << client.output.substr(client.output.size() -
+                                                    std::min<std::size_t>(client.output.size(), 1500));
+  attack.join();
+  daemon_->signal(SIGTERM);
+  EXPECT_EQ(daemon_->wait(5'000), 0);
+  close(pipe);
+}
+
+// Every line is the daemon's own, and few of them are Cyclone's.
+TEST_F(PacketsDaemon, MalformedPacketsAreAFewLinesOfJson) {
+  start();
+  attack_with_packets({.domain = domain_, .packets = 3'000, .rate = 3'000});
+  ends_well();
+  std::istringstream lines(said());
+  int of_dds = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_EQ(line.substr(0, 9), "{\"time\":\"") << line;
+    of_dds += line.find("\"event\":\"dds\"") != std::string::npos;
+  }
+  EXPECT_GE(of_dds, 1);
+  EXPECT_LE(of_dds, 33);
 }
 
 TEST_F(PacketsDaemon, NothingArrivesFromAnotherNetwork) {
