@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -150,14 +151,21 @@ TEST_F(PacketsDaemon, AFullPipeForALogHoldsNobody) {
   ASSERT_NE(text.find("\"ready\""), std::string::npos) << text;
   while (write(pipe, "full", 4) == 4) continue;
 
-  std::thread attack(
-      [this] { attack_with_packets({.domain = domain_, .packets = 24'000, .rate = 3'000, .seconds = 8}); });
+  // HEARTBEAT of samples 1 to -1: Cyclone says so each time.
+  const Packet malformed{'R', 'T', 'P', 'S', 2,   1,   1,   16,  1,   2,    3,   4,   5, 6,    7, 8, 9, 10,
+                         11,  12,  7,   1,   28,  0,   0,   3,   1,   0xc4, 0,   3,   1, 0xc3, 0, 0, 0, 0,
+                         1,   0,   0,   0,   255, 255, 255, 255, 255, 255,  255, 255, 1, 0,    0, 0};
+  std::atomic<bool> flooding{true};
+  std::thread flood([&] {
+    for (const Sender sender(domain_); flooding; usleep(500)) sender.send(malformed);
+  });
   const CommandResult client =
       run_haptic("replay " SOURCE_DIR "/config/scenes/cube/press.csv --domain " + std::to_string(domain_) +
                  " --min-answered " + std::to_string(0.9 * answered_share()));
   EXPECT_EQ(client.code, 0) << client.output.substr(client.output.size() -
                                                     std::min<std::size_t>(client.output.size(), 1500));
-  attack.join();
+  flooding = false;
+  flood.join();
   daemon_->signal(SIGTERM);
   EXPECT_EQ(daemon_->wait(5'000), 0);
   close(pipe);
