@@ -18,8 +18,12 @@ std::string read_dds_profile(const std::string& name) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-std::string default_dds_profile() {
-  return read_dds_profile(realtime_allowed() ? "loopback_realtime" : "loopback");
+std::string default_dds_profile_name() { return realtime_allowed() ? "loopback_realtime" : "loopback"; }
+std::string default_dds_profile() { return read_dds_profile(default_dds_profile_name()); }
+
+std::string dds_place(std::uint32_t domain, const std::string& profile_name) {
+  return "DDS domain " + std::to_string(domain) + " with the profile " +
+         config_file(std::filesystem::path("dds") / (profile_name + ".xml")).string();
 }
 
 namespace {

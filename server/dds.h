@@ -36,6 +36,10 @@ std::string read_dds_profile(const std::string& name);
 
 // The profile that this process may use: loopback_realtime with the right to SCHED_FIFO, else loopback.
 std::string default_dds_profile();
+std::string default_dds_profile_name();
+
+// Where was asked in vain: "DDS domain 7 with the profile /usr/share/hapticd/dds/loopback.xml".
+std::string dds_place(std::uint32_t domain, const std::string& profile_name);
 
 // From now on a profile that reaches beyond this machine may be used without security (--open-network).
 void open_network() noexcept;

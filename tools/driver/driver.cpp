@@ -56,6 +56,7 @@ class Driver {
     require(dds_set_status_mask(forces_.handle(), DDS_DATA_AVAILABLE_STATUS), "a status mask");
     require(dds_waitset_attach(arrival_.handle(), forces_.handle(), 0), "a waitset");
     state_.device_id = options.device_id;
+    report_.place = dds_place(options.domain, default_dds_profile_name());
   }
 
   // The device feels zero and the daemon knows that its client is gone, however the run ends.

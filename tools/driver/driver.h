@@ -57,6 +57,7 @@ struct DriverOptions {
 struct DriverReport {
   std::uint64_t sent = 0, answered = 0;  // states
   std::uint64_t silences = 0;            // times that no force had come for 10 ms, after the first one
+  std::string place;                     // DDS domain and profile, to say where nobody answered
   double longest_silence_ms = 0;
   std::uint64_t strange_forces = 0;  // of a second daemon for this device: not felt
   std::string realtime_refused;      // empty: granted, or not asked for
