@@ -168,6 +168,9 @@ void packets(const Domain& domain, double seconds) {
   PacketAttack options;
   options.domain = domain.id();
   options.seconds = seconds;
+  options.packets = std::numeric_limits<long>::max();
+  options.rate = 1000;      // `flood` is another attack
+  options.samples = false;  // as are `doubles` and `lies`
   attack_with_packets(options);
 }
 

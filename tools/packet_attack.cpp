@@ -70,7 +70,9 @@ struct Victim {
 class Stranger {
  public:
   explicit Stranger(const PacketAttack& options)
-      : options_(options), captured_(read_packets(config_file("dds/packets.hex"))), random_(options.seed) {
+      : options_(options),
+        captured_(wanted(read_packets(config_file("dds/packets.hex")), options.samples)),
+        random_(options.seed) {
     for (const Packet& p : captured_)
       if (std::find(speakers_.begin(), speakers_.end(), prefix_of(p)) == speakers_.end())
         speakers_.push_back(prefix_of(p));
@@ -105,6 +107,18 @@ class Stranger {
   }
 
  private:
+  static std::vector<Packet> wanted(std::vector<Packet> packets, bool samples) {
+    if (!samples)
+      std::erase_if(packets, [](const Packet& p) {
+        bool has_sample = false;
+        each_submessage(p, [&](std::uint8_t kind, std::size_t at, std::size_t size) {
+          // The two highest bits of a writer's kind: built in.
+          has_sample = has_sample || (kind == data && size >= 16 && (p[at + 15] & 0xc0) == 0);
+        });
+        return has_sample;
+      });
+    return packets;
+  }
   static sockaddr_in loopback(std::uint16_t port) {
     sockaddr_in a{};
     a.sin_family = AF_INET;
@@ -126,7 +140,7 @@ class Stranger {
 
   // Announces itself on every port of the domain; who answers with an announcement is a victim.
   void find_victims() {
-    for (int round = 0; round < 20 && (victims_.empty() || round < 3); ++round) {
+    for (int round = 0; round < 80 && (victims_.empty() || round < 3); ++round) {
       become_another();
       for (Packet p : captured_)
         if (announces(p)) {
@@ -135,8 +149,8 @@ class Stranger {
         }
       pollfd wait{socket_, POLLIN, 0};
       // Who is there does not fall silent: a round has its time.
-      for (const std::int64_t until = monotonic_ns() + 200'000'000;
-           monotonic_ns() < until && poll(&wait, 1, 100) >= 0;) {
+      for (const std::int64_t until = monotonic_ns() + 50'000'000;
+           monotonic_ns() < until && poll(&wait, 1, 20) >= 0;) {
         Packet p(65536);
         const ssize_t n = recv(socket_, p.data(), p.size(), MSG_DONTWAIT);
         if (n < static_cast<ssize_t>(header_size)) continue;

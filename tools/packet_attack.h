@@ -36,6 +36,7 @@ struct PacketAttack {
   double rate = 10'000;   // [1/s]
   double seconds = 3600;  // ends earlier
   int first_port = 0;     // 0: the ports of `domain`
+  bool samples = true;    // also states and forces: these can play a second client or daemon
   bool mutated = true;    // false: as captured
 };
 
