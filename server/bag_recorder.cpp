@@ -1,8 +1,9 @@
 #include "server/bag_recorder.h"
 
 #include <chrono>
-#include <cstdio>
+#include <string>
 
+#include "server/log.h"
 #include "server/realtime.h"
 
 namespace hapticd {
@@ -55,8 +56,10 @@ void BagRecorder::count() noexcept {
   kept_.store(bag.kept(), relaxed);
   lost_.store(bag.lost(), relaxed);
   if (!bag.failed() || failed_.exchange(true, relaxed)) return;
-  std::fprintf(stderr, "hapticd: the recording ends after %llu messages, everything else goes on: %s\n",
-               static_cast<unsigned long long>(bag.kept()), bag.failure().c_str());
+  log(LogLevel::error, "recording_ended",
+      "the recording ends after " + std::to_string(bag.kept()) +
+          " messages, everything else goes on: " + bag.failure(),
+      {{"messages", bag.kept()}});
 }
 
 }  // namespace hapticd

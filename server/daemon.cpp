@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "haptic/allocation_count.h"
+#include "server/dds_log.h"
+#include "server/dds_sockets.h"
 
 namespace hapticd {
 namespace {
@@ -80,6 +82,9 @@ std::string Daemon::metrics() const {
   process.resident_bytes = 1e6 * resident_mb();
   process.uptime_s = 1e-9 * static_cast<double>(monotonic_ns() - made_ns_);
   for (const Grant& g : grants_) process.grants_refused += !g.granted;
+  process.packets_refused = packets_refused();
+  process.dds_lines = dds_lines();
+  process.lines_lost = lines_lost();
   std::vector<MetricsSource> devices;
   for (const auto& station : stations_) devices.push_back(station->metrics());
   return prometheus_text(process, devices);

@@ -36,6 +36,13 @@ std::string read_dds_profile(const std::string& name);
 
 // The profile that this process may use: loopback_realtime with the right to SCHED_FIFO, else loopback.
 std::string default_dds_profile();
+std::string default_dds_profile_name();
+
+// Where was asked in vain: "DDS domain 7 with the profile /usr/share/hapticd/dds/loopback.xml".
+std::string dds_place(std::uint32_t domain, const std::string& profile_name);
+
+// From now on a profile that reaches beyond this machine may be used without security (--open-network).
+void open_network() noexcept;
 
 // Throws std::runtime_error("<what>: <reason>") for a negative code, else returns it.
 dds_entity_t require(dds_entity_t code, const std::string& what);
@@ -62,21 +69,25 @@ class DdsEntity {
 // A domain with an explicit configuration (the XML text itself); CYCLONEDDS_URI is not consulted.
 // Throws as well where the XML asks for Realtime threads and the process may not have them: Cyclone
 // 0.10 would abort the process.
+// A profile that names loopback alone gets sockets of loopback alone (dds_sockets.h).
 // Its threads take affinity and, where the profile is silent, policy from the thread that makes it:
 // make it before any thread goes SCHED_FIFO.
 class Domain {
  public:
   Domain(std::uint32_t id, const std::string& xml);
   std::uint32_t id() const noexcept { return id_; }
+  bool loopback_alone() const noexcept { return loopback_alone_; }
 
  private:
   std::uint32_t id_;
+  bool loopback_alone_;
   DdsEntity entity_;
 };
 
 class Participant {
  public:
-  // Without security it hears and is heard by everybody else without.
+  // Without security it hears and is heard by everybody else without. Throws where the domain reaches beyond
+  // this machine and neither security nor open_network() was asked for.
   explicit Participant(const Domain& domain, const std::optional<Security>& security = {});
   dds_entity_t handle() const noexcept { return entity_.handle(); }
 

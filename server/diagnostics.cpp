@@ -7,6 +7,7 @@
 
 #include "server/borrowed.h"
 #include "server/contact_capture_file.h"
+#include "server/dds_log.h"
 #include "server/log.h"
 #include "server/realtime.h"
 
@@ -181,6 +182,7 @@ void Diagnostics::run() noexcept {
   publish_geometry();
   for (std::uint64_t n = 0; !stopping_.load(relaxed); ++n) {
     drain();
+    if (scope_.shows_scene) write_dds_log(monotonic_ns());
     write_capture_if_new();
     snapshots_.acquire();
     if (n % turns_per_update == 0) publish_update();
@@ -217,7 +219,8 @@ void Diagnostics::write_line(const ForceRecord& record) noexcept {
   record_->write(record);
   if (!record_->failed()) return;
   recording_failed_.store(true, relaxed);
-  std::fprintf(stderr, "hapticd: the recording ends, everything else goes on: the file cannot be written\n");
+  log(LogLevel::error, "recording_ended",
+      "the recording ends, everything else goes on: the file cannot be written");
 }
 
 void Diagnostics::publish_geometry() {

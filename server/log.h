@@ -6,7 +6,8 @@
 //
 // Thread safety: any ordinary thread; a line is one write to stderr. A real-time thread has said
 // `no_log_from_this_thread` first: its lines are dropped and counted, never waited for.
-// Errors: none; what cannot be written is lost.
+// Errors: none; what cannot be written at once (a full pipe that nobody reads) is lost and counted, and the
+// next line that can be written is followed by one that says how many were.
 #pragma once
 
 #include <cstdint>
@@ -37,5 +38,6 @@ void log(LogLevel level, const std::string& event, const std::string& message,
 
 void no_log_from_this_thread() noexcept;
 std::uint64_t lines_refused() noexcept;
+std::uint64_t lines_lost() noexcept;
 
 }  // namespace hapticd

@@ -16,6 +16,8 @@
 #include <nlohmann/json.hpp>
 
 #include "server/daemon.h"
+#include "server/dds.h"
+#include "server/dds_log.h"
 #include "server/input_error.h"
 #include "server/log.h"
 #include "server/metrics_server.h"
@@ -43,7 +45,7 @@ struct Arguments {
   std::uint32_t domain = 0;
   std::string device, record, capture, json, secure, log, metrics;
   std::uint64_t capture_every = 0;
-  bool force = false;
+  bool force = false, open_network = false;
   std::vector<std::string> also;
 };
 
@@ -90,6 +92,10 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--secure", a.secure,
                  "Admit nobody without a certificate: DIR from config/dds/security/make_keys.sh")
       ->type_name("DIR");
+  app.add_flag(
+      "--open-network", a.open_network,
+      "Serve an interface that the DDS profile names without --secure: whoever is on that network may "
+      "move the device, read everything, and end this process with a packet");
 }
 
 // Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
@@ -118,8 +124,10 @@ sigset_t block_signals() {
   action.sa_flags = SA_SIGINFO | SA_RESTART;
   for (int number = 1; number <= SIGRTMAX; ++number)
     if (sigismember(&set, number) == 1) sigaction(number, &action, nullptr);
-  // A file at its size limit is a full disk: the recording ends, the daemon does not.
+  // A file at its size limit is a full disk: the recording ends, the daemon does not. Nor where nobody reads
+  // its log.
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
   return set;
 }
 
@@ -141,8 +149,9 @@ void stand_still(int) {
   nanosleep(&time, nullptr);
 }
 
-// OpenBLAS asks for its buffers for ever where there are none, at the process's end too, and Cyclone aborts: too
-// small a limit (ulimit -v) is said before either begins. What a scene needs beyond this is said by bad_alloc.
+// OpenBLAS asks for its buffers for ever where there are none, at the process's end too, and Cyclone aborts:
+// too small a limit (ulimit -v) is said before either begins. What a scene needs beyond this is said by
+// bad_alloc.
 void require_address_space() {
   constexpr std::size_t needed = std::size_t{512} << 20;
   void* place = mmap(nullptr, needed, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
@@ -196,6 +205,7 @@ int run(const Arguments& a) {
   for (const std::string& device : a.also) add_device(scene, device);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
   std::optional<Security> security;
+  if (a.open_network) open_network();
   if (!a.secure.empty()) security = security_files(a.secure, "daemon");
   // Large blocks come from the heap from here on, as in the run: their page faults would be half a step's
   // cost.
@@ -215,6 +225,7 @@ int run(const Arguments& a) {
   const auto path = [](const std::string& text) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
+  take_dds_log();
   Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security});
   daemon.start();
   announce(daemon.grants());
@@ -235,6 +246,7 @@ int run(const Arguments& a) {
   notifier.stopping();
   log(LogLevel::info, "stopping", "stopping");
   daemon.stop();
+  write_whole_dds_log();
   if (!a.json.empty()) write_figures(daemon, a.json);
   if (daemon.failed()) throw std::runtime_error("the simulation stopped: " + daemon.failure());
   return 0;
@@ -262,6 +274,7 @@ int main(int argc, char** argv) {
     std::cerr << "hapticd: not enough memory for this scene\n";
     return run_error;
   } catch (const std::exception& e) {
+    write_whole_dds_log();
     log(LogLevel::error, "failed", e.what());
     return run_error;
   }

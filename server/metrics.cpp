@@ -91,6 +91,12 @@ std::string prometheus_text(const ProcessMetrics& process, const std::vector<Met
   p.one("hapticd_resident_bytes", "gauge", "Memory held.", "", process.resident_bytes);
   p.one("hapticd_grants_refused", "gauge", "What of the real-time set-up the system refused.", "",
         process.grants_refused);
+  p.one("hapticd_packets_refused_total", "counter", "RTPS messages that Cyclone was not given.", "",
+        static_cast<double>(process.packets_refused));
+  p.one("hapticd_dds_lines_total", "counter", "Warnings and errors of Cyclone, logged or not.", "",
+        static_cast<double>(process.dds_lines));
+  p.one("hapticd_log_lines_lost_total", "counter", "Log lines that could not be written at once.", "",
+        static_cast<double>(process.lines_lost));
 
   p.histogram("hapticd_haptic_wake_seconds",
               "Lateness of a haptic tick against its intended time; missed slots too.", &M::wake);

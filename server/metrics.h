@@ -7,6 +7,7 @@
 //   hapticd_haptic_ticks_total, _slots_missed_total, _deadline_misses_total, _answered_total
 //   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_foreign_forces_total, hapticd_solver_caps_total
 //   hapticd_simulation_steps_total, _overruns_total, hapticd_elements_removed_total, …
+//   hapticd_packets_refused_total, hapticd_dds_lines_total, hapticd_log_lines_lost_total      of the process
 //   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, hapticd_problem_age_seconds …     gauges
 //
 // A histogram's bounds are 2^k and 1.5·2^k ns, k = 12 … 27 (4 µs to 0.2 s): edges of the bins that the loops
@@ -36,6 +37,7 @@ struct ProcessMetrics {
   std::string version;
   double resident_bytes = 0, uptime_s = 0;
   int grants_refused = 0;  // of the real-time set-up
+  std::uint64_t packets_refused = 0, dds_lines = 0, lines_lost = 0;
 };
 
 std::string prometheus_text(const ProcessMetrics& process, const std::vector<MetricsSource>& devices);

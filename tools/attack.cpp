@@ -9,6 +9,7 @@
 
 #include "haptic/loop.h"
 #include "server/dds.h"
+#include "tools/packet_attack.h"
 
 namespace hapticd {
 namespace {
@@ -162,10 +163,21 @@ void dying(const Domain& domain, double seconds) {
   _exit(0);  // nothing disposed of, nobody told
 }
 
+// RTPS by hand, to every participant there is.
+void packets(const Domain& domain, double seconds) {
+  PacketAttack options;
+  options.domain = domain.id();
+  options.seconds = seconds;
+  options.packets = std::numeric_limits<long>::max();
+  options.rate = 1000;      // `flood` is another attack
+  options.samples = false;  // as are `doubles` and `lies`
+  attack_with_packets(options);
+}
+
 const std::map<std::string, void (*)(const Domain&, double)>& table() {
   static const std::map<std::string, void (*)(const Domain&, double)> attacks{
       {"lies", lies},       {"backwards", backwards}, {"flood", flood}, {"crowd", crowd},
-      {"doubles", doubles}, {"types", types},         {"dying", dying}};
+      {"doubles", doubles}, {"types", types},         {"dying", dying}, {"packets", packets}};
   return attacks;
 }
 
@@ -173,7 +185,7 @@ const std::map<std::string, void (*)(const Domain&, double)>& table() {
 
 const std::vector<std::string>& attacks() {
   static const std::vector<std::string> names{"lies",    "backwards", "flood", "crowd",
-                                              "doubles", "types",     "dying"};
+                                              "doubles", "types",     "dying", "packets"};
   return names;
 }
 

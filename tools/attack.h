@@ -10,6 +10,7 @@
 //   doubles     a second writer for device 0 with another pose
 //   types       other types on the state's topic, under their own and under the state's type name
 //   dying       device 1: touches, then ends without a word; again and again
+//   packets     RTPS messages changed at random, to every participant of the domain (packet_attack.h)
 // Errors: std::invalid_argument for an unknown name; std::runtime_error from DDS.
 #pragma once
 

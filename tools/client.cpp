@@ -194,8 +194,9 @@ void DeviceClient::wait_for_daemon() {
   while (writer_.matched() == 0 || reader_.matched() == 0) {
     if (over()) return;
     if (monotonic_ns() > until)
-      throw std::runtime_error("no daemon answered in DDS domain " + std::to_string(settings_.domain) +
-                               " within " + std::to_string(static_cast<int>(settings_.match_timeout)) +
+      throw std::runtime_error("no daemon answered in " +
+                               dds_place(settings_.domain, default_dds_profile_name()) + " within " +
+                               std::to_string(static_cast<int>(settings_.match_timeout)) +
                                " s: start one with `hapticd SCENE.yaml --domain " +
                                std::to_string(settings_.domain) + "`, or name its domain with --domain");
     std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "server/dds.h"
 #include "server/input_error.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -20,6 +21,9 @@ int main(int argc, char** argv) {
                               add_soak(application),   add_abuse(application),  add_mesh(application),
                               add_doctor(application), add_record(application), add_stability(application),
                               add_view(application)};
+  application.add_flag_callback("--open-network", open_network,
+                                "before the command: use an interface that the DDS profile names without --secure; "
+                                "whoever is on that network is trusted");
   try {
     application.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

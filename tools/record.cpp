@@ -54,7 +54,9 @@ int record(const RecordOptions& o) {
     if (frames) frames->poll();
     const double t = 1e-9 * static_cast<double>(monotonic_ns() - begun);
     if (ticks == 0 && t > o.wait)
-      throw std::runtime_error("no daemon answered for this device within the wait");
+      throw std::runtime_error("no daemon answered for device " + std::to_string(o.device_id) + " in " +
+                               dds_place(o.domain, "loopback") + " within " +
+                               std::to_string(static_cast<int>(o.wait)) + " s");
     if (o.duration > 0 && t >= o.duration) break;
     progress.show(o.duration > 0 ? t / o.duration : 0, std::to_string(ticks) + " ticks");
   }

@@ -94,10 +94,17 @@ int view_daemon(const ViewOptions& o) {
   LiveSource live(participant);
   std::optional<RemoteHand> hand;
   if (o.control) hand.emplace(participant, o.device_id);
+  const auto silent_until = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+  bool said = false;
   serve(
       o,
       [&](bool watched) {
         std::vector<SharedMessage> messages = live.poll(watched);
+        if (!said && !live.has_daemon() && std::chrono::steady_clock::now() > silent_until) {
+          said = true;
+          std::fprintf(stderr, "haptic: no daemon answers in %s; still listening\n",
+                       dds_place(o.domain, "loopback").c_str());
+        }
         if (hand)
           if (SharedMessage m = hand->poll(live.health(o.device_id))) messages.push_back(std::move(m));
         return messages;

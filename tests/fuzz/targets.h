@@ -19,6 +19,7 @@ void fuzz_mesh(FuzzInput input);        // Gmsh and VTK, repaired and measured
 void fuzz_scene(FuzzInput input);       // a scene's YAML, beside a small mesh and trajectory
 void fuzz_trajectory(FuzzInput input);  // a CSV recording, sampled
 void fuzz_bag(FuzzInput input);         // a rosbag2's database, its metadata.yaml, or one message's CDR
+void fuzz_rtps(FuzzInput input);        // what Cyclone may be given of a received message
 void fuzz_device(FuzzInput input);      // ticks of a device: sample check, watchdog, haptic step
 
 inline std::string text_of(FuzzInput input) {

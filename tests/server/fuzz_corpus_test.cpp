@@ -27,6 +27,7 @@ TEST(FuzzCorpus, Mesh) {
 TEST(FuzzCorpus, Scene) { EXPECT_GT(run_each("fuzz/corpus/scene", fuzz_scene), 2); }
 TEST(FuzzCorpus, Trajectory) { EXPECT_GT(run_each("fuzz/corpus/trajectory", fuzz_trajectory), 2); }
 TEST(FuzzCorpus, Bag) { EXPECT_GT(run_each("fuzz/corpus/bag", fuzz_bag), 2); }
+TEST(FuzzCorpus, Rtps) { EXPECT_GT(run_each("fuzz/corpus/rtps", fuzz_rtps), 2); }
 TEST(FuzzCorpus, Device) { EXPECT_GT(run_each("fuzz/corpus/device", fuzz_device), 2); }
 
 }  // namespace

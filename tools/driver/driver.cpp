@@ -35,13 +35,18 @@ std::int64_t now_ns() noexcept {
   return 1'000'000'000 * t.tv_sec + t.tv_nsec;
 }
 
+Domain make_domain(const DriverOptions& options) {
+  if (options.open_network) open_network();
+  return Domain(options.domain, default_dds_profile());
+}
+
 class Driver {
  public:
   Driver(HapticDevice& device, const DriverOptions& options, const DeviceSettings& limits, Ending& ending)
       : device_(device),
         options_(options),
         ending_(ending),
-        domain_(options.domain, default_dds_profile()),
+        domain_(make_domain(options)),
         participant_(domain_, options.keys.empty() ? std::nullopt
                                                    : std::optional(security_files(options.keys, "device"))),
         states_(participant_),
@@ -51,6 +56,7 @@ class Driver {
     require(dds_set_status_mask(forces_.handle(), DDS_DATA_AVAILABLE_STATUS), "a status mask");
     require(dds_waitset_attach(arrival_.handle(), forces_.handle(), 0), "a waitset");
     state_.device_id = options.device_id;
+    report_.place = dds_place(options.domain, default_dds_profile_name());
   }
 
   // The device feels zero and the daemon knows that its client is gone, however the run ends.

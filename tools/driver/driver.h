@@ -48,13 +48,16 @@ struct DriverOptions {
   std::uint32_t domain = 0;
   std::uint32_t device_id = 0;
   std::filesystem::path keys;  // of a daemon with --secure; empty: none
-  double duration = 0;         // [s]; 0: until a signal
-  bool realtime = true;        // ask for SCHED_FIFO 50
+  bool open_network =
+      false;            // a profile that names an interface is used without keys: whoever is there is trusted
+  double duration = 0;  // [s]; 0: until a signal
+  bool realtime = true;  // ask for SCHED_FIFO 50
 };
 
 struct DriverReport {
   std::uint64_t sent = 0, answered = 0;  // states
   std::uint64_t silences = 0;            // times that no force had come for 10 ms, after the first one
+  std::string place;                     // DDS domain and profile, to say where nobody answered
   double longest_silence_ms = 0;
   std::uint64_t strange_forces = 0;  // of a second daemon for this device: not felt
   std::string realtime_refused;      // empty: granted, or not asked for

@@ -35,6 +35,8 @@ int main(int argc, char** argv) try {
   std::printf("%llu states sent, %llu answered, %.1f ms without a force at most\n",
               static_cast<unsigned long long>(report.sent), static_cast<unsigned long long>(report.answered),
               report.longest_silence_ms);
+  if (report.answered == 0)
+    std::fprintf(stderr, "example_driver: no daemon answered in %s\n", report.place.c_str());
   std::printf("peak force %.4f N, last force written %.4f N\n", device.peak(), device.newest());
   if (report.strange_forces > 0) std::printf("a second daemon wrote forces for this device: none was felt\n");
 } catch (const std::exception& error) {
