@@ -16,10 +16,12 @@ constexpr int sweeps_of_polish = 2;  // and of the first run, whose time they ar
 constexpr double good_chord = 0.1;   // of the merit left: the LU is good for another step
 constexpr double lost = 1e5;      // of the merit: a step taken without asking does not come back from there
 constexpr double settling = 0.3;  // of the shift left after a step that served …
-constexpr double least_shift = 1e-4;  // … and below this, none
-constexpr int dear_steps = 8;         // LUs that the later stages are not begun without time for
-constexpr double hyperstatic = 1e-5;  // ratio of LU pivots below which freedoms are missing
-constexpr int solves_raised = 20;     // that keep a raised diagonal
+constexpr double least_shift = 1e-4;   // … and below this, none
+constexpr int dear_steps = 8;          // LUs that the later stages are not begun without time for
+constexpr double hyperstatic = 1e-5;   // ratio of LU pivots below which freedoms are missing
+constexpr int solves_raised = 20;      // that keep a raised diagonal
+constexpr int most_rounds = 8;         // in which a raised diagonal is taken off again
+constexpr double largest_start = 1e6;  // of the free gaps' forces
 
 // How Newton is run, one after the other: ρ, the first shift of the Jacobian's diagonal, whether steps may
 // leave the cones (raw), and how many are taken without asking where none lowers the merit.
@@ -58,7 +60,11 @@ double free_scale(const Eigen::Ref<const VecX>& q, std::span<const double> rho) 
   return scale;
 }
 
-double relative(double worst, double scale) noexcept { return worst > 0 ? std::sqrt(worst / scale) : 0; }
+// Forces whose squares are beyond all numbers solve nothing.
+double relative(double worst, double scale) noexcept {
+  if (!std::isfinite(scale)) return std::numeric_limits<double>::infinity();
+  return worst > 0 ? std::sqrt(worst / scale) : 0;
+}
 
 // ½ Σ ‖λ_i − P_i(λ_i − ρ_i δ_i)‖², P_i onto λ_n ≥ 0 and the disc of radius μ y_n (Alart and Curnier).
 double alart_curnier(const CoulombSystem& s, const double* lambda, const double* delta) noexcept {
@@ -110,10 +116,9 @@ class CoulombSolve {
       most_newton_ += options_.max_newton;
       alternate();
     }
+    if (done() && s_.epsilon >= options_.raised_diagonal) take_off_raised();
     if (!done()) polish();
-    const double* answer = done() ? ws_.best.data() : ws_.swept.data();
-    for (int i = 0; i < s_.contacts; ++i)
-      lambda_.segment<3>(3 * i) = feasible(Eigen::Map<const Vec3>(answer + 3 * i), s_.mu[i]);
+    std::copy_n(done() ? ws_.best.data() : ws_.swept.data(), rows_, lambda_.data());
     result_.relative_diagonal = s_.epsilon;
     if (done()) return;
     result_.residual = swept_residual_;
@@ -165,8 +170,27 @@ class CoulombSolve {
     s_.epsilon = epsilon;
     std::fill_n(ws_.prepared.begin(), s_.contacts, std::uint8_t{0});
     result_.residual = swept_residual_ = std::numeric_limits<double>::infinity();
+    keep_in_cones(lambda_.data());
     s_.compute_delta(lambda_.data(), ws_.delta.data());
     judge(true);
+  }
+
+  // What a raised ε adds to the gaps is taken off again, about the forces found: each round errs by ε times
+  // the last round's change (Rockafellar's proximal point iteration). A round that ends unsolved is left out.
+  void take_off_raised() noexcept {
+    const CoulombResult reached = result_;
+    for (int round = 0; round < most_rounds && done() && !hurried_ && !options_.deadline.passed(); ++round) {
+      std::copy_n(ws_.best.data(), rows_, ws_.anchor.data());
+      s_.anchor = ws_.anchor.data();
+      std::copy_n(ws_.anchor.data(), rows_, lambda_.data());
+      begin(s_.epsilon);
+      if (done()) break;
+      alternate();
+      if (done()) continue;
+      std::copy_n(ws_.anchor.data(), rows_, ws_.best.data());
+      result_.residual = reached.residual;
+      break;
+    }
   }
 
   bool done() const noexcept { return !(result_.residual > options_.tolerance); }
@@ -177,19 +201,40 @@ class CoulombSolve {
     return !options_.deadline.bounded() || ns < static_cast<double>(options_.deadline.left());
   }
 
-  // λ at ws.delta = δ(λ): kept if it is the best so far, of all or of those that a sweep has left.
-  void judge(bool swept) noexcept {
+  void keep_in_cones(double* lambda) const noexcept {
+    for (int i = 0; i < s_.contacts; ++i) {
+      Eigen::Map<Vec3> l(lambda + 3 * i);
+      l = feasible(l, s_.mu[i]);
+    }
+  }
+
+  double residual_of(const double* lambda, const double* delta) const noexcept {
     double scale = free_scale_;
-    const double worst = natural_map(ws_.delta.data(), lambda_.data(), s_.rho, s_.mu, scale);
-    const double residual = relative(worst, scale);
+    const double worst = natural_map(delta, lambda, s_.rho, s_.mu, scale);
+    return relative(worst, scale);
+  }
+
+  // λ at ws.delta = δ(λ): kept if it is the best so far, of all or of those that a sweep has left. What
+  // solves the problem from outside the cones has to solve it inside them too, for that is what is returned.
+  // True if λ was moved for that.
+  bool judge(bool swept) noexcept {
+    double residual = residual_of(lambda_.data(), ws_.delta.data());
+    const bool moves = !swept && residual <= options_.tolerance;
+    if (moves) {
+      keep_in_cones(lambda_.data());
+      s_.compute_delta(lambda_.data(), ws_.delta.data());
+      residual = residual_of(lambda_.data(), ws_.delta.data());
+    }
     rough_ = !swept;
     if (swept && residual < swept_residual_) {
       swept_residual_ = residual;
       std::copy_n(lambda_.data(), rows_, ws_.swept.data());
     }
-    if (!(residual < result_.residual)) return;
-    result_.residual = residual;
-    std::copy_n(lambda_.data(), rows_, ws_.best.data());
+    if (residual < result_.residual) {
+      result_.residual = residual;
+      std::copy_n(lambda_.data(), rows_, ws_.best.data());
+    }
+    return moves;
   }
 
   void sweeps(int length) noexcept {
@@ -200,6 +245,7 @@ class CoulombSolve {
       const bool late = options_.deadline.passed();
       if (k != length && k % sweeps_between_checks != 0 && !late) continue;
       // Rounding of the many updates must not add up.
+      keep_in_cones(lambda_.data());
       s_.compute_delta(lambda_.data(), ws_.delta.data());
       judge(true);
       if (done() || late) break;
@@ -247,7 +293,7 @@ class CoulombSolve {
       unasked = fresh ? unasked - 1 : 0;
       astray = merit > limit;
       if (!fresh) settle();
-      judge(false);
+      if (judge(false)) merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
     };
     Deadline deadline = options_.deadline;
     deadline.reserve_ns += 2 * polish_ns_;
@@ -266,7 +312,7 @@ class CoulombSolve {
         fresh = shift > 0 || after > good_chord * merit;
         merit = after;
         settle();
-        judge(false);
+        if (judge(false)) merit = alart_curnier(s_, lambda_.data(), ws_.delta.data());
       } else {
         put_back(ws_.start.data());
         if (step.outcome == NewtonOutcome::no_time || deadline.passed()) break;
@@ -318,16 +364,42 @@ class CoulombSolve {
 
 }  // namespace
 
+CoulombFactor::CoulombFactor(int most)
+    : mode(most),
+      pivot(3 * most),
+      lu(static_cast<std::size_t>(padded(3 * most)) * static_cast<std::size_t>(3 * most)) {}
+
+CoulombWorkspace::CoulombWorkspace(int contacts)
+    : capacity(contacts),
+      local(contacts),
+      prepared(contacts),
+      rho(contacts),
+      reduced(contacts),
+      mode(contacts),
+      delta(3 * contacts),
+      best(3 * contacts),
+      swept(3 * contacts),
+      start(3 * contacts),
+      turning_point(3 * contacts),
+      start_delta(3 * contacts),
+      trial(3 * contacts),
+      trial_delta(3 * contacts),
+      column(3 * contacts),
+      step(3 * contacts),
+      anchor(3 * contacts),
+      factor(contacts) {}
+
 double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
                         const Eigen::Ref<const VecX>& lambda, std::span<const double> mu) noexcept {
-  std::array<double, max_contacts> rho;
-  std::array<double, max_rows> delta;
-  for (std::size_t i = 0; i < mu.size(); ++i) rho[i] = inverse_or_zero(mean_diagonal(W, static_cast<int>(i)));
-  const CoulombSystem system{W, q, mu, rho, 0.0, static_cast<int>(mu.size()), 0};
-  system.compute_delta(lambda.data(), delta.data());
-  const std::span<const double> used{rho.data(), mu.size()};
-  double scale = free_scale(q, used);
-  const double worst = natural_map(delta.data(), lambda.data(), used, mu, scale);
+  double worst = 0, scale = 0;
+  for (int i = 0; i < static_cast<int>(mu.size()); ++i) {
+    const double rho = inverse_or_zero(mean_diagonal(W, i));
+    const Vec3 free = q.segment<3>(3 * i);
+    const Vec3 delta = free + W.middleRows<3>(3 * i).lazyProduct(lambda);
+    scale = std::max(scale, rho * rho * free.squaredNorm());
+    worst =
+        std::max(worst, natural_map(delta.data(), lambda.data() + 3 * i, {&rho, 1}, mu.subspan(i, 1), scale));
+  }
   return relative(worst, scale);
 }
 
@@ -336,22 +408,28 @@ CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<co
                             std::uint64_t matrix_version, const CoulombOptions& options) noexcept {
   CoulombResult result;
   const int contacts = static_cast<int>(q.size()) / 3;
-  const auto refuse = [&] {
+  const auto refuse = [&](SolveStatus status) {
     lambda.setZero();
-    result.status = SolveStatus::not_finite;
+    result.status = status;
     ws.factor.version = 0;
     return result;
   };
-  if (!q.allFinite() || !W.diagonal().allFinite()) return refuse();
-  if (!lambda.allFinite()) lambda.setZero();
+  const auto sound = [](double m) { return m >= 0 && std::isfinite(m); };
+  if (contacts > ws.capacity) return refuse(SolveStatus::too_large);
+  if (!q.allFinite() || !all_finite(W, matrix_version, ws.finite_version) ||
+      !std::all_of(mu.begin(), mu.end(), sound))
+    return refuse(SolveStatus::not_finite);
   for (int i = 0; i < contacts; ++i) ws.rho[i] = inverse_or_zero(mean_diagonal(W, i));
+  const double free = std::sqrt(free_scale(q, std::span<const double>(ws.rho).first(mu.size())));
+  if (!std::isfinite(free)) return refuse(SolveStatus::not_finite);
+  if (!(lambda.cwiseAbs().maxCoeff() <= largest_start * free)) lambda.setZero();
   if (matrix_version == 0) ws.factor.version = 0;
   // Within one solve the matrix is the same, whatever the caller promises for the next.
   const std::uint64_t version = matrix_version ? matrix_version : std::numeric_limits<std::uint64_t>::max();
   CoulombSystem system{W, q, mu, ws.rho, options.relative_diagonal, contacts, version};
   CoulombSolve(system, lambda, ws, options, result).run();
 
-  if (!lambda.allFinite() || !std::isfinite(result.residual)) return refuse();
+  if (!lambda.allFinite() || !std::isfinite(result.residual)) return refuse(SolveStatus::not_finite);
   for (int i = 0; i < contacts; ++i) {
     const Vec3 l = lambda.segment<3>(3 * i);
     if (!(l[0] > 0)) continue;

@@ -27,14 +27,17 @@
 // rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others. Existence: for every SPD
 // W and q with W positive definite a solution of the local problem exists; for the whole, where some motion
 // opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not where a motion jams (Painlevé).
-// Uniqueness is not claimed for large μ. Residual: natural map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ /
-// scale, de Saxcé's correction. Errors: a status. `iteration_cap`, `deadline`: λ is, by residual, the best
-// that a sweep has left; `not_finite`: λ is zero. Guarantee: no allocation, wait-free, bounded by 2
-// max_sweeps × contacts² and 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a
-// product of W.
+// Uniqueness is not claimed for large μ. Status and residual are those of the λ returned. Residual: natural
+// map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ / scale, de Saxcé's correction. Errors: a status.
+// `iteration_cap`, `deadline`: λ is, by residual, the best that a sweep has left; `not_finite` (NaN or
+// infinity in W, q or μ, a negative μ, q beyond 1e150) and `too_large` (more contacts than the workspace was
+// made for): λ is zero. A warm start of more than 1e6 times the free gaps' forces is dropped: its rounding
+// would be taken for an answer. Guarantee: no allocation, wait-free, bounded by 2 max_sweeps × contacts² and
+// 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a product of W.
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "physics/contact/deadline.h"
 #include "physics/contact/lcp.h"
@@ -101,36 +104,43 @@ struct ReducedContact {
 
 // The LU that is kept.
 struct CoulombFactor {
+  explicit CoulombFactor(int most);
+
   std::uint64_t version = 0;  // of W; 0: none
   int contacts = 0;
   int size = 0;
   double epsilon = 0;
-  std::array<ContactMode, max_contacts> mode;
-  std::array<int, max_rows> pivot;
-  std::array<double, std::size_t(padded(max_rows)) * max_rows> lu;
+  std::vector<ContactMode> mode;
+  std::vector<int> pivot;
+  std::vector<double> lu;
   double pivot_ratio = 1;    // of the least to the largest of the last LU: small where hyperstatic
   double ns_per_flop = 0.1;  // of the last ones, where there was a clock
 };
 
-// One owner; 0.8 MB.
+// One owner. Made for so many contacts at the most, and allocated then: 0.8 MB for those of the haptic loop.
 struct CoulombWorkspace {
-  std::array<CoulombContact, max_contacts> local;
-  std::array<std::uint8_t, max_contacts> prepared;  // local holds this solve's matrix
-  std::array<double, max_contacts> rho;
-  std::array<ReducedContact, max_contacts> reduced;
-  std::array<ContactMode, max_contacts> mode;
-  std::array<double, max_rows> delta;
-  std::array<double, max_rows> best;
-  std::array<double, max_rows> swept;  // the best that a sweep has left
-  std::array<double, max_rows> start;
-  std::array<double, max_rows> turning_point;
-  std::array<double, max_rows> start_delta;
-  std::array<double, max_rows> trial;
-  std::array<double, max_rows> trial_delta;
-  std::array<double, max_rows> column;
-  std::array<double, max_rows> step;
+  explicit CoulombWorkspace(int contacts = max_contacts);
+
+  int capacity;                        // contacts
+  std::vector<CoulombContact> local;   // per contact
+  std::vector<std::uint8_t> prepared;  // local holds this solve's matrix
+  std::vector<double> rho;
+  std::vector<ReducedContact> reduced;
+  std::vector<ContactMode> mode;
+  std::vector<double> delta;  // per row
+  std::vector<double> best;
+  std::vector<double> swept;  // the best that a sweep has left
+  std::vector<double> start;
+  std::vector<double> turning_point;
+  std::vector<double> start_delta;
+  std::vector<double> trial;
+  std::vector<double> trial_delta;
+  std::vector<double> column;
+  std::vector<double> step;
+  std::vector<double> anchor;  // forces that a raised diagonal is counted from
   CoulombFactor factor;
-  int raised = 0;  // solves still to come with the raised diagonal
+  std::uint64_t finite_version = 0;  // of the last W that was seen to be finite; 0: none
+  int raised = 0;                    // solves still to come with the raised diagonal
 };
 
 // One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.

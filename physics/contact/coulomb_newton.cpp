@@ -220,6 +220,8 @@ void CoulombSystem::add_contact(int i, const Vec3& change, double* delta) const 
 
 void CoulombSystem::compute_delta(const double* lambda, double* delta) const noexcept {
   std::copy_n(q.data(), 3 * contacts, delta);
+  for (int i = 0; anchor && i < contacts; ++i)
+    for (int k = 0; k < 3; ++k) delta[3 * i + k] -= diagonal(i) * anchor[3 * i + k];
   for (int i = 0; i < contacts; ++i) {
     const Eigen::Map<const Vec3> l(lambda + 3 * i);
     if (!l.isZero(0)) add_contact(i, l, delta);

@@ -12,7 +12,7 @@
 
 namespace hapticd {
 
-// δ = (W + ε D) λ + q with D_i = 1/rho_i on contact i (0 where rho_i = 0).
+// δ = W λ + ε D (λ − anchor) + q with D_i = 1/rho_i on contact i (0 where rho_i = 0).
 struct CoulombSystem {
   const Eigen::Ref<const MatX>& W;
   const Eigen::Ref<const VecX>& q;
@@ -20,8 +20,9 @@ struct CoulombSystem {
   std::span<const double> rho;
   double epsilon;
   int contacts;
-  std::uint64_t version;  // of W; 0: not promised to be the last one's
-  double stretch = 1;     // of ρ, where contacts are sorted and judged
+  std::uint64_t version;           // of W; 0: not promised to be the last one's
+  const double* anchor = nullptr;  // null: zero
+  double stretch = 1;              // of ρ, where contacts are sorted and judged
 
   double diagonal(int i) const noexcept { return rho[i] > 0 ? epsilon / rho[i] : 0; }
   void add_contact(int i, const Vec3& change, double* delta) const noexcept;  // δ += (W + εD)(:, i) change

@@ -196,6 +196,7 @@ Outcome exchange_blocks(Pivoting& p, std::uint64_t version, const LcpOptions& op
     int infeasible = p.find_infeasible();
     if (infeasible == 0) {
       p.refine();
+      if (!p.finite()) return Outcome::not_finite;
       infeasible = p.find_infeasible();
     }
     if (infeasible == 0) {
@@ -252,6 +253,19 @@ int count_active(std::span<const std::uint8_t> active) noexcept {
 
 }  // namespace
 
+LcpWorkspace::LcpWorkspace(int rows)
+    : capacity(rows),
+      factor(static_cast<std::size_t>(padded(rows)) * static_cast<std::size_t>(rows)),
+      index(rows),
+      diagonal(rows),
+      root(rows),
+      packed(rows),
+      w(rows),
+      best(rows),
+      warm_set(rows),
+      blocked(rows),
+      cached_set(rows) {}
+
 LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q, Eigen::Ref<VecX> z,
                     std::span<std::uint8_t> active, LcpWorkspace& workspace, std::uint64_t matrix_version,
                     const LcpOptions& options) noexcept {
@@ -264,7 +278,9 @@ LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX
     result.active = 0;
     return result;
   };
-  if (!q.allFinite() || !W.diagonal().allFinite()) return refuse(SolveStatus::not_finite);
+  if (q.size() > workspace.capacity) return refuse(SolveStatus::too_large);
+  if (!q.allFinite() || !all_finite(W, matrix_version, workspace.finite_version))
+    return refuse(SolveStatus::not_finite);
 
   Pivoting pivoting(W, q, z, active, workspace, options.relative_diagonal);
   if (pivoting.rigid()) {
@@ -288,7 +304,9 @@ LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX
   z = z.cwiseMax(0.0);
   pivoting.compute_w();
   result.residual = pivoting.natural_map();
-  if (!std::isfinite(result.residual)) return refuse(SolveStatus::not_finite);
+  if (!z.allFinite() || !std::isfinite(result.residual)) return refuse(SolveStatus::not_finite);
+  if (result.status == SolveStatus::solved && result.residual > options.tolerance)
+    result.status = SolveStatus::iteration_cap;
   result.active = count_active(active);
   return result;
 }

@@ -17,14 +17,15 @@
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
 // Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
 // feasible iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite`
-// (NaN or infinity in W or q) it is zero. z is never negative. Entries with W_ii = 0 that W couples to
-// nothing stay at zero. Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of
+// (NaN or infinity in W or q) and with `too_large` (more rows than the workspace was made for) it is zero.
+// Status and residual are those of the z returned. z is never negative. Entries with W_ii = 0 that W couples
+// to nothing stay at zero. Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of
 // active³/3 flops.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/deadline.h"
@@ -32,9 +33,19 @@
 
 namespace hapticd {
 
-enum class SolveStatus : std::uint8_t { solved, iteration_cap, deadline, not_finite };
+enum class SolveStatus : std::uint8_t { solved, iteration_cap, deadline, not_finite, too_large };
+
+// No entry of W is NaN or infinite; asked once for each nonzero version, which `known` remembers.
+inline bool all_finite(const Eigen::Ref<const MatX>& W, std::uint64_t version,
+                       std::uint64_t& known) noexcept {
+  if (version != 0 && version == known) return true;
+  const bool finite = (0 * W.array()).sum() == 0;
+  known = finite ? version : 0;
+  return finite;
+}
 
 struct LcpOptions {
+  double tolerance = 1e-8;  // on the residual: above it, as where W is indefinite, nothing is `solved`
   double relative_diagonal = 1e-9;
   int patience = 5;           // exchanges of blocks in vain
   int patience_with_few = 1;  // … with at most 24 active rows
@@ -50,19 +61,24 @@ struct LcpResult {
   double residual = 0;  // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
 };
 
+// One owner. Made for so many rows at the most, and allocated then.
 struct LcpWorkspace {
-  std::array<double, std::size_t(padded(max_rows)) * max_rows> factor;  // ld: padded(active)
-  std::array<int, max_rows> index;        // active rows, ascending: the factor's order
-  std::array<double, max_rows> diagonal;  // D, floored
-  std::array<double, max_rows> root;      // √D
-  std::array<double, max_rows> packed;    // a right-hand side in the factor's order
-  std::array<double, max_rows> w;
-  std::array<double, max_rows> best;
-  std::array<std::uint8_t, max_rows> warm_set;
-  std::array<std::uint8_t, max_rows> blocked;
-  std::array<std::uint8_t, max_rows> cached_set{};
+  explicit LcpWorkspace(int rows = max_rows);
+
+  int capacity;                  // rows
+  std::vector<double> factor;    // ld: padded(active)
+  std::vector<int> index;        // active rows, ascending: the factor's order
+  std::vector<double> diagonal;  // D, floored
+  std::vector<double> root;      // √D
+  std::vector<double> packed;    // a right-hand side in the factor's order
+  std::vector<double> w;
+  std::vector<double> best;
+  std::vector<std::uint8_t> warm_set;
+  std::vector<std::uint8_t> blocked;
+  std::vector<std::uint8_t> cached_set;
   std::uint64_t cached_version = 0;  // 0: nothing cached
   int cached_rows = 0;
+  std::uint64_t finite_version = 0;  // of the last W that was seen to be finite; 0: none
 };
 
 // z and active have n entries; active is read as warm start and left as the solution's active set.

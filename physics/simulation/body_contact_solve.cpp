@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "physics/simulation/body_contact.h"
-#include "physics/simulation/wide_coulomb.h"
 
 namespace hapticd {
 namespace {
@@ -78,7 +77,9 @@ void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const doub
   report_.residual = 0;
   report_.sliding = 0;
   if (mu.empty()) return;
-  if (m == 1 && mu.size() <= static_cast<std::size_t>(max_rows)) {
+  const auto contacts = static_cast<int>(mu.size());
+  if (m == 1) {
+    if (contacts > lcp_->capacity) lcp_ = std::make_unique<LcpWorkspace>(2 * contacts);
     std::vector<std::uint8_t> active(mu.size());
     for (std::size_t i = 0; i < mu.size(); ++i) active[i] = lambda[static_cast<Eigen::Index>(i)] > 0;
     const LcpResult r = solve_lcp(W, q, lambda, active, *lcp_, 0, LcpOptions{});
@@ -86,15 +87,13 @@ void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const doub
     report_.residual = r.residual;
     return;
   }
+  if (contacts > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * contacts);
   CoulombOptions options;
   options.tolerance = 1e-10;
-  CoulombResult r;
-  r.residual = std::numeric_limits<double>::infinity();
-  if (mu.size() <= static_cast<std::size_t>(max_contacts))
-    r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
+  CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
   if (!(r.residual <= CoulombOptions{}.tolerance)) {
     options.max_sweeps = most_sweeps;
-    r = solve_wide_coulomb(W, q, mu, lambda, options);
+    r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
   }
   report_.status = r.residual <= CoulombOptions{}.tolerance ? SolveStatus::solved : r.status;
   report_.residual = r.residual;
