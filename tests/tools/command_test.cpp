@@ -51,7 +51,9 @@ TEST(Command, WithoutADaemonItIsOneAndSaysHowToStartOne) {
   const std::string file = scratch.file("still.csv", "t,px,py,pz\n0,0,0,0\n0.1,0,0,0\n");
   const CommandResult result = run_haptic("replay " + file + " --domain 39 --wait 0.5");
   EXPECT_EQ(result.code, 1) << result.output;
-  EXPECT_NE(result.output.find("no daemon answered in DDS domain 39"), std::string::npos) << result.output;
+  EXPECT_NE(result.output.find("no daemon answered in DDS domain 39 with the profile "), std::string::npos)
+      << result.output;
+  EXPECT_NE(result.output.find("/dds/loopback"), std::string::npos) << result.output;
   EXPECT_NE(result.output.find("hapticd SCENE.yaml"), std::string::npos) << result.output;
 }
 
