@@ -10,6 +10,7 @@ namespace {
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
+constexpr double share_of_near = 0.5;      // of what a resumed solve that is not usable moves the force by
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
@@ -115,13 +116,14 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
     answer.status |= status_solver_cap;
     answer.solver_caps = ++s.caps;
   }
+  const bool usable = solution.status == SolveStatus::solved || solution.residual <= options.usable_residual;
   // A poor iterate may be anything.
-  if (solution.status != SolveStatus::solved && solution.residual > options.usable_residual)
-    return held_wrench(s, period);
+  if (!usable && !solution.near) return held_wrench(s, period);
   remember(s.scratch.x, s.patch);
   s.unusable_for = 0;
-  s.good = {force_to_device(device, solution.wrench.head<3>()),
-            torque_to_device(device, solution.wrench.tail<3>())};
+  const Wrench fresh{force_to_device(device, solution.wrench.head<3>()),
+                     torque_to_device(device, solution.wrench.tail<3>())};
+  s.good = usable ? fresh : s.good + share_of_near * (fresh - s.good);
   return s.good;
 }
 
