@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "haptic/problem_check.h"
+
 namespace hapticd {
 namespace {
 
@@ -45,8 +47,12 @@ Wrench held_wrench(HapticState& s, double period) noexcept {
   return std::clamp(1 - (s.unusable_for - hold) / fade, 0.0, 1.0) * s.good;
 }
 
-// A patch that is not a number would have no gaps, hence no rows: no contact, where there is a fault.
-bool is_finite(const CondensedProblem& problem) noexcept {
+// A poisoned problem would be no contact, or any force. Looked at whole when it is new.
+bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept {
+  if (problem.step != s.sound_step) {
+    if (!is_sound(problem)) return false;
+    s.sound_step = problem.step;
+  }
   for (int n = 0; n < problem.nodes; ++n)
     if (!problem.x_free[static_cast<std::size_t>(n)].allFinite()) return false;
   return true;
@@ -74,7 +80,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
                       const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
                       double period, HapticState& s, ForceSample& answer) noexcept {
   // Said as NaN, so that it takes the one way that latches.
-  if (!is_finite(problem)) return no_number;
+  if (!is_sound_problem(problem, s)) return no_number;
   const Pose X = to_scene(device, s.watchdog.sample.pose);
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;

@@ -58,6 +58,7 @@ struct HapticState {
   std::uint32_t caps = 0;          // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
   std::uint64_t step = 0;    // newest simulation step rendered
+  std::uint64_t sound_step = 0;  // newest problem looked at and found sound
   Pose X;                    // of the instrument, in the last contact solve
   bool solved = false;       // this tick ran the contact solve …
   ContactSolution solution;  // … and this came out, in the scene
