@@ -245,8 +245,8 @@ double deepest_overlap(const CondensedProblem& problem, const Instrument& instru
                        const ContactScratch& scratch) noexcept {
   double deepest = 0;
   const PlacedInstrument placed(instrument, X);
-  for (int i = 0; i < scratch.rows.contacts; ++i) {
-    const Vec3 s = sample_position(problem, scratch.x, scratch.rows.row[i].sample);
+  for (int k = 0; k < problem.samples; ++k) {
+    const Vec3 s = sample_position(problem, scratch.x, k);
     if (placed.near(s, -deepest)) deepest = std::max(deepest, -placed.gap(s).distance);
   }
   return deepest;

@@ -86,7 +86,7 @@ struct ContactSolution {
   bool near = false;       // of a resumed solve that got on: the wrench is near, whatever the residual
   bool laboured = false;   // resumed, and solved by more than its turns
   double residual = 0;     // of the last solve, natural map
-  double penetration = 0;  // deepest true overlap left after the solve [m], ≥ 0
+  double penetration = 0;  // deepest true overlap left after the solve, of any sample [m], ≥ 0
 };
 
 // K_eff⁻¹ = (K (1 + damping_time/T))⁻¹, diagonal in world axes; zero where K is zero.
