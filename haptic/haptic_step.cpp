@@ -4,12 +4,15 @@
 #include <cmath>
 #include <limits>
 
+#include "haptic/problem_check.h"
+
 namespace hapticd {
 namespace {
 
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
+constexpr double share_of_near = 0.5;      // of what a resumed solve that is not usable moves the force by
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
@@ -44,8 +47,12 @@ Wrench held_wrench(HapticState& s, double period) noexcept {
   return std::clamp(1 - (s.unusable_for - hold) / fade, 0.0, 1.0) * s.good;
 }
 
-// A patch that is not a number would have no gaps, hence no rows: no contact, where there is a fault.
-bool is_finite(const CondensedProblem& problem) noexcept {
+// A poisoned problem would be no contact, or any force. Looked at whole when it is new.
+bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept {
+  if (problem.step != s.sound_step) {
+    if (!is_sound(problem)) return false;
+    s.sound_step = problem.step;
+  }
   for (int n = 0; n < problem.nodes; ++n)
     if (!problem.x_free[static_cast<std::size_t>(n)].allFinite()) return false;
   return true;
@@ -73,7 +80,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
                       const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
                       double period, HapticState& s, ForceSample& answer) noexcept {
   // Said as NaN, so that it takes the one way that latches.
-  if (!is_finite(problem)) return no_number;
+  if (!is_sound_problem(problem, s)) return no_number;
   const Pose X = to_scene(device, s.watchdog.sample.pose);
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
@@ -115,13 +122,14 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
     answer.status |= status_solver_cap;
     answer.solver_caps = ++s.caps;
   }
+  const bool usable = solution.status == SolveStatus::solved || solution.residual <= options.usable_residual;
   // A poor iterate may be anything.
-  if (solution.status != SolveStatus::solved && solution.residual > options.usable_residual)
-    return held_wrench(s, period);
+  if (!usable && !solution.near) return held_wrench(s, period);
   remember(s.scratch.x, s.patch);
   s.unusable_for = 0;
-  s.good = {force_to_device(device, solution.wrench.head<3>()),
-            torque_to_device(device, solution.wrench.tail<3>())};
+  const Wrench fresh{force_to_device(device, solution.wrench.head<3>()),
+                     torque_to_device(device, solution.wrench.tail<3>())};
+  s.good = usable ? fresh : s.good + share_of_near * (fresh - s.good);
   return s.good;
 }
 

@@ -21,7 +21,8 @@ struct HapticOptions {
   ContactOptions contact;
   ViscousOptions viscous;
   double blend_time = 5e-3;  // [s]; 0: none
-  // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered: the
+  // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered, and the
+  // next ones resume (contact_solve.h): the wrench goes half-way to theirs each tick. Without any progress the
   // last good wrench is held for 10 ms, then fades in 90 ms.
   double usable_residual = 1e-3;
   // Samples that so many ticks like this one can reach are rows at once, and all within a fifth of the margin
@@ -57,6 +58,7 @@ struct HapticState {
   std::uint32_t caps = 0;          // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
   std::uint64_t step = 0;    // newest simulation step rendered
+  std::uint64_t sound_step = 0;  // newest problem looked at and found sound
   Pose X;                    // of the instrument, in the last contact solve
   bool solved = false;       // this tick ran the contact solve …
   ContactSolution solution;  // … and this came out, in the scene

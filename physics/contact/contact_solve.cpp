@@ -8,7 +8,11 @@
 namespace hapticd {
 namespace {
 
-constexpr int most_returns = 3;  // to a linearisation whose solve let tissue through
+constexpr int most_returns = 3;      // to a linearisation whose solve let tissue through
+constexpr int solves_resumed = 200;  // after one that ended unusable
+constexpr double doubtful = 0.01;    // of the usable residual: Newton's sum of forces is not to be trusted
+constexpr int turns_resumed = 8;     // at most, of normal forces and sweeps
+constexpr int sweeps_in_a_turn = 2;  // more, and the solver would try from zero
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
   return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
@@ -33,8 +37,72 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
   }
 }
 
+// Normal forces for the friction there is; friction stays in its cone.
+void solve_normals(const ContactOptions& options, ContactScratch& scratch) noexcept {
+  const ContactRows& rows = scratch.rows;
+  const int n = rows.contacts;
+  const auto W = rows.W();
+  Eigen::Map<MatX> W_nn(scratch.normal_W.data(), n, n);
+  Eigen::Map<VecX> q_n(scratch.normal_q.data(), n), z(scratch.normal_lambda.data(), n);
+  for (int i = 0; i < n; ++i) {
+    z[i] = scratch.lambda[3 * i];
+    scratch.active[i] = z[i] > 0;
+    q_n[i] = rows.q()[3 * i];
+  }
+  for (int j = 0; j < n; ++j) {
+    const Vec3 l = local_lambda(scratch, j);
+    for (int i = 0; i < n; ++i) {
+      W_nn(i, j) = W(3 * i, 3 * j);
+      q_n[i] += W(3 * i, 3 * j + 1) * l[1] + W(3 * i, 3 * j + 2) * l[2];
+    }
+  }
+  LcpOptions lcp = options.lcp;
+  lcp.deadline = options.deadline;
+  const LcpResult r =
+      solve_lcp(W_nn, q_n, z, {scratch.active.data(), static_cast<std::size_t>(n)}, scratch.lcp, 0, lcp);
+  if (r.status != SolveStatus::solved) return;
+  for (int i = 0; i < n; ++i) {
+    Eigen::Map<Vec3> l(scratch.lambda.data() + 3 * i);
+    l[0] = z[i];
+    const double t = l.tail<2>().norm(), most = scratch.mu[i] * l[0];
+    if (t > most) l.tail<2>() *= most / t;
+  }
+}
+
+void resume(const ContactOptions& options, ContactScratch& scratch, ContactSolution& out) noexcept {
+  const ContactRows& rows = scratch.rows;
+  Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
+  const std::span<const double> mu{scratch.mu.data(), static_cast<std::size_t>(rows.contacts)};
+  CoulombOptions whole = options.coulomb;
+  whole.deadline = options.deadline;
+  CoulombOptions sweeps = whole;
+  sweeps.max_newton = 0;
+  sweeps.max_sweeps = std::min(sweeps_in_a_turn, sweeps.max_sweeps);
+  const auto solve = [&](const CoulombOptions& o) {
+    const CoulombResult r =
+        solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, o);
+    out.status = r.status;
+    out.residual = r.residual;
+    out.near = out.near || r.sweeps > 0;
+    return r.status == SolveStatus::solved || r.status == SolveStatus::not_finite;
+  };
+  for (int turn = 0; turn < turns_resumed; ++turn) {
+    if (!options.deadline.passed()) solve_normals(options, scratch);
+    if (solve(sweeps) || options.deadline.passed()) return;
+  }
+  // With time left, the whole solver; what the turns reached stays if that does not end.
+  const ContactSolution reached = out;
+  std::copy_n(scratch.lambda.begin(), rows.rows(), scratch.resumed_lambda.begin());
+  if (solve(whole)) {
+    out.laboured = true;
+    return;
+  }
+  std::copy_n(scratch.resumed_lambda.begin(), rows.rows(), scratch.lambda.begin());
+  out = reached;
+}
+
 // later: linearisations after this one.
-void solve_rows(const ContactOptions& options, int later, ContactScratch& scratch,
+void solve_rows(const ContactOptions& options, int later, bool resumed, ContactScratch& scratch,
                 ContactSolution& out) noexcept {
   const Within solve(options.times, ContactPart::solve);
   Deadline deadline = options.deadline;
@@ -49,6 +117,8 @@ void solve_rows(const ContactOptions& options, int later, ContactScratch& scratc
                                   scratch.matrix_version, lcp);
     out.status = r.status;
     out.residual = r.residual;
+  } else if (resumed) {
+    resume(options, scratch, out);
   } else {
     CoulombOptions coulomb = options.coulomb;
     coulomb.deadline = deadline;
@@ -96,8 +166,9 @@ void remember_solve(const CondensedProblem& problem, ContactScratch& scratch, Co
   memory = scratch.working;
 }
 
-bool usable(const ContactOptions& options, const ContactSolution& out) noexcept {
-  return out.status == SolveStatus::solved || out.residual <= options.usable_residual;
+// Whether it is to be remembered.
+bool serves(const ContactOptions& options, const ContactSolution& out) noexcept {
+  return out.near || out.status == SolveStatus::solved || out.residual <= options.usable_residual;
 }
 
 void solve_frozen(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
@@ -111,13 +182,13 @@ void solve_frozen(const CondensedProblem& problem, const Instrument& instrument,
   }
   shift_rows(problem, problem.X_ref, X_free, state.memory, scratch.rows);
   warm_start(state.memory, scratch);
-  solve_rows(options, 0, scratch, out);
+  solve_rows(options, 0, state.resumed > 0, scratch, out);
   displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
   out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
   out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
   // Anchors in the frozen rows' own linear kinematics, or a pose held still would seem to slip.
   const Vec6 moved = difference(out.instrument, problem.X_ref);
-  if (usable(options, out))
+  if (serves(options, out))
     remember_solve(problem, scratch, state.memory, [&](const ContactRow& row, const Vec3& s) {
       return problem.X_ref.to_local(s - moved.head<3>() - moved.tail<3>().cross(row.arm));
     });
@@ -129,7 +200,7 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   scratch.working = state.memory;
   displaced_patch(problem, state.memory, scratch.x);
   out.instrument = X_start;
-  const int linearisations = std::max(1, options.linearisations);
+  const int linearisations = state.resumed > 0 ? 1 : std::max(1, options.linearisations);
   const double held = options.first_margin > 0 ? std::min(options.first_margin, margin) : margin;
   PatchPositions x_lin;
   Pose X_lin;
@@ -141,7 +212,7 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   // False if the solver met no number.
   const auto solve = [&](int later) {
     warm_start(scratch.working, scratch);
-    solve_rows(options, later, scratch, out);
+    solve_rows(options, later, state.resumed > 0, scratch, out);
     if (out.status == SolveStatus::not_finite) return false;
     displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
     out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
@@ -165,7 +236,7 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
       if (!solve(linearisations - 1 - k)) return;
     }
   }
-  if (usable(options, out))
+  if (serves(options, out))
     remember_solve(problem, scratch, state.memory,
                    [&](const ContactRow&, const Vec3& s) { return out.instrument.to_local(s); });
 }
@@ -174,8 +245,8 @@ double deepest_overlap(const CondensedProblem& problem, const Instrument& instru
                        const ContactScratch& scratch) noexcept {
   double deepest = 0;
   const PlacedInstrument placed(instrument, X);
-  for (int i = 0; i < scratch.rows.contacts; ++i) {
-    const Vec3 s = sample_position(problem, scratch.x, scratch.rows.row[i].sample);
+  for (int k = 0; k < problem.samples; ++k) {
+    const Vec3 s = sample_position(problem, scratch.x, k);
     if (placed.near(s, -deepest)) deepest = std::max(deepest, -placed.gap(s).distance);
   }
   return deepest;
@@ -226,7 +297,13 @@ ContactSolution solve_contact(const CondensedProblem& problem, const Instrument&
   }
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
   out.penetration = deepest_overlap(problem, instrument, out.instrument, scratch);
-  if (!usable(options, out)) return out;
+  if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
+    state.resumed = 0;
+  else if (state.resumed > 0 && out.residual <= options.usable_residual)
+    --state.resumed;
+  else if (out.residual > doubtful * options.usable_residual)
+    state.resumed = solves_resumed;
+  if (!serves(options, out)) return out;
   state.coupling_offset = difference(X_device, out.instrument);
   for (int c = 0; c < 6; ++c)
     if (K_inv[c] == 0) state.coupling_offset[c] = 0;

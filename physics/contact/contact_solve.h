@@ -20,6 +20,11 @@
 // Friction memory: a contact that sticks keeps its anchor, so that holding still cannot creep; one that
 // slides or is open takes the place where the solve left it. Sticking is judged by slip, ‖δ_t‖ ≤
 // 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that adds up until it shows.
+// Resumed solves: where one with friction ends at a cap or its deadline, Newton's unfinished steps may be
+// anything, and it would end there again in the next tick. So until turns alone solve one, or 200 were usable,
+// solves have one linearisation and take turns of what nears the solution from wherever it starts: normal forces
+// for the friction there is (lcp.h), then sweeps; with time left, the whole solver. What they reach is
+// remembered, usable or not, and `near`: the wrench is right to some percent long before the residual is.
 // Deadline: a linearisation that it leaves no time for is left out, and the status says so.
 // Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free pose.
 // Guarantee: no allocation, wait-free, bounded by 4 linearisations × (rows + solver's bound); 128 kB of
@@ -41,7 +46,7 @@ struct ContactOptions {
   double first_margin = 0;
   LcpOptions lcp;
   CoulombOptions coulomb;
-  // A solve that ended at a cap with a larger residual leaves memory and coupling as they were.
+  // A solve that ended at a cap with a larger residual leaves memory and coupling as they were, unless resumed.
   double usable_residual = std::numeric_limits<double>::infinity();
   Deadline deadline;  // of the whole solve; half of what is left is kept for the linearisations to come
   PartTimes* times = nullptr;
@@ -53,6 +58,7 @@ struct ContactState {
   ContactMemory memory;
   Vec6 coupling_offset = Vec6::Zero();  // e_prev: X_device ⊖ X_instrument
   std::uint64_t frozen_step = 0;        // step whose rows `scratch.rows` hold (frozen renewal)
+  int resumed = 0;                      // solves still to come that resume the last one
 };
 
 struct ContactScratch {
@@ -62,6 +68,9 @@ struct ContactScratch {
   LcpWorkspace lcp;
   CoulombWorkspace coulomb;
   PatchPositions x;
+  std::array<double, max_rows> resumed_lambda{};
+  std::array<double, max_contacts> normal_q{}, normal_lambda{};
+  std::array<double, std::size_t(max_contacts) * max_contacts> normal_W{};  // column-major, ld = contacts
   std::array<double, max_rows> lambda{};
   std::array<std::uint8_t, max_rows> active{};
   std::array<double, max_contacts> mu{};
@@ -74,8 +83,10 @@ struct ContactSolution {
   int contacts = 0;            // rows considered
   int active = 0;              // with λ_n > 0
   int dropped = 0;
+  bool near = false;       // of a resumed solve that got on: the wrench is near, whatever the residual
+  bool laboured = false;   // resumed, and solved by more than its turns
   double residual = 0;     // of the last solve, natural map
-  double penetration = 0;  // deepest true overlap left after the solve [m], ≥ 0
+  double penetration = 0;  // deepest true overlap left after the solve, of any sample [m], ≥ 0
 };
 
 // K_eff⁻¹ = (K (1 + damping_time/T))⁻¹, diagonal in world axes; zero where K is zero.

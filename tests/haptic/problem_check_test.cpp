@@ -1,0 +1,90 @@
+// A poisoned problem: whatever is wrong with it, the force is zero, latched, and nothing of it is remembered.
+#include "haptic/problem_check.h"
+
+#include <functional>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "haptic/haptic_step.h"
+#include "tests/support/contact_problems.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN(),
+                 inf = std::numeric_limits<double>::infinity();
+
+std::unique_ptr<CondensedProblem> sound_problem() {
+  Random random(3);
+  return sheet_problem(random, {.friction = 0.3});
+}
+
+struct Poison {
+  const char* name;
+  std::function<void(CondensedProblem&)> give;
+};
+
+const Poison poisons[] = {
+    {"x_free", [](CondensedProblem& p) { p.x_free[3].x() = nan; }},
+    {"x_now", [](CondensedProblem& p) { p.x_now[3].y() = inf; }},
+    {"C nan", [](CondensedProblem& p) { p.C()(4, 7) = nan; }},
+    {"C infinite", [](CondensedProblem& p) { p.C()(7, 4) = inf; }},
+    {"C negative", [](CondensedProblem& p) { p.C()(5, 5) = -p.C()(5, 5); }},
+    {"C not symmetric", [](CondensedProblem& p) { p.C()(0, 3) += 0.01 * p.C()(0, 0); }},
+    {"C indefinite", [](CondensedProblem& p) { p.C()(0, 3) = p.C()(3, 0) = 1.1 * p.C()(0, 0); }},
+    {"one entry of C", [](CondensedProblem& p) { p.C()(0, 0) = 0; }},
+    {"weight", [](CondensedProblem& p) { p.sample[2].weight[1] = nan; }},
+    {"outward", [](CondensedProblem& p) { p.sample[2].outward.z() = nan; }},
+    {"friction", [](CondensedProblem& p) { p.sample[2].friction = -1; }},
+    {"coupling", [](CondensedProblem& p) { p.coupling.stiffness = nan; }},
+    {"X_ref", [](CondensedProblem& p) { p.X_ref.q.w() = nan; }},
+    {"node", [](CondensedProblem& p) { p.sample[2].node[1] = p.nodes; }},
+    {"node below", [](CondensedProblem& p) { p.sample[2].node[1] = -1; }},
+    {"nodes", [](CondensedProblem& p) { p.nodes = max_patch_nodes + 1; }},
+    {"samples", [](CondensedProblem& p) { p.samples = max_patch_samples + 1; }},
+};
+
+TEST(ProblemCheck, TellsPoisonedFromSound) {
+  EXPECT_TRUE(is_sound(*sound_problem()));
+  for (const Poison& poison : poisons) {
+    const auto p = sound_problem();
+    poison.give(*p);
+    EXPECT_FALSE(is_sound(*p)) << poison.name;
+  }
+}
+
+TEST(ProblemCheck, APoisonedProblemLatchesAndIsForgotten) {
+  for (const Poison& poison : poisons) {
+    auto state = std::make_unique<HapticState>();
+    DeviceSettings device;
+    device.max_force = 3;
+    device.max_force_rate = 1e4;
+    device.max_speed = 10;
+    HapticInput in;
+    in.presence.connected = in.presence.new_client = true;
+    in.taken = in.sample.enable = true;
+    const auto p = sound_problem();
+    ForceSample f;
+    for (int i = 1; i <= 160; ++i) {
+      in.now_ns = in.sample.received_ns = p->published_ns = (1000 + i) * std::int64_t{1'000'000};
+      in.sample.sequence = static_cast<std::uint64_t>(i);
+      in.sample.pose.p = Vec3(0, 0, 4e-3 - 0.2e-3);
+      if (i == 160) {
+        EXPECT_GT(f.force.norm(), 1e-3);
+        ++p->step;
+        poison.give(*p);
+      }
+      f = haptic_step(p.get(), sphere_instrument(4e-3), device, {}, in, *state);
+      in.presence.new_client = false;
+    }
+    EXPECT_EQ(f.force.norm(), 0) << poison.name;
+    EXPECT_EQ(f.status & (status_not_finite | status_latched), status_not_finite | status_latched)
+        << poison.name;
+    EXPECT_EQ(state->contact.memory.count, 0);
+    EXPECT_EQ(state->patch.step, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace hapticd
