@@ -13,6 +13,7 @@ constexpr double most_parts = 12;          // of the way from where a problem wa
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
 constexpr double share_of_near = 0.5;      // of what a resumed solve that is not usable moves the force by
+constexpr double lost_contact = 0.1e-3;     // [m]
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
@@ -115,6 +116,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   answer.dropped = static_cast<std::uint32_t>(solution.dropped);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
+  if (solution.lost > lost_contact) answer.status |= status_contact_lost;
   // Its wrench is zero then.
   if (solution.status == SolveStatus::not_finite) return no_number;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;

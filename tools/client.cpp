@@ -250,7 +250,7 @@ std::string status_text(std::uint32_t status) {
   static constexpr const char* names[] = {
       "disarmed",   "holding",    "ramping_down", "ramping_up",       "problem_old",  "problem_lost",
       "gap",        "rejected",   "latched",      "conflict",         "saturated",    "slew_limited",
-      "not_finite", "solver_cap", "blending",     "contacts_dropped", "second_daemon"};
+      "not_finite", "solver_cap", "blending",     "contacts_dropped", "second_daemon", "contact_lost"};
   std::string text;
   for (std::size_t bit = 0; bit < std::size(names); ++bit)
     if (status >> bit & 1) text += (text.empty() ? "" : ", ") + std::string(names[bit]);

@@ -151,7 +151,7 @@ def shown(value):
 
 STATUS = ("disarmed holding ramping_down ramping_up problem_old problem_lost gap rejected latched conflict saturated "
           "slew_limited not_finite solver_cap blending contacts_dropped "
-          "second_daemon").split()
+          "second_daemon contact_lost").split()
 
 
 def verdict(mode):

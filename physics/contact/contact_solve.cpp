@@ -242,12 +242,19 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
 }
 
 double deepest_overlap(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
-                       const ContactScratch& scratch) noexcept {
+                       const ContactScratch& scratch, double& lost) noexcept {
   double deepest = 0;
+  int row = 0;  // rows are by sample
+  lost = 0;
   const PlacedInstrument placed(instrument, X);
   for (int k = 0; k < problem.samples; ++k) {
     const Vec3 s = sample_position(problem, scratch.x, k);
-    if (placed.near(s, -deepest)) deepest = std::max(deepest, -placed.gap(s).distance);
+    while (row < scratch.rows.contacts && scratch.rows.row[row].sample < k) ++row;
+    const bool held = row < scratch.rows.contacts && scratch.rows.row[row].sample == k;
+    if (!placed.near(s, held ? -deepest : -lost)) continue;
+    const double overlap = -placed.gap(s).distance;
+    deepest = std::max(deepest, overlap);
+    if (!held) lost = std::max(lost, overlap);
   }
   return deepest;
 }
@@ -296,7 +303,7 @@ ContactSolution solve_contact(const CondensedProblem& problem, const Instrument&
     return out;
   }
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
-  out.penetration = deepest_overlap(problem, instrument, out.instrument, scratch);
+  out.penetration = deepest_overlap(problem, instrument, out.instrument, scratch, out.lost);
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;
   else if (state.resumed > 0 && out.residual <= options.usable_residual)

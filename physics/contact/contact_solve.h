@@ -87,6 +87,7 @@ struct ContactSolution {
   bool laboured = false;   // resumed, and solved by more than its turns
   double residual = 0;     // of the last solve, natural map
   double penetration = 0;  // deepest true overlap left after the solve, of any sample [m], ≥ 0
+  double lost = 0;         // … of those that no row holds
 };
 
 // K_eff⁻¹ = (K (1 + damping_time/T))⁻¹, diagonal in world axes; zero where K is zero.

@@ -20,6 +20,7 @@ TEST(Penetration, CountsSamplesThatAreNoRows) {
   EXPECT_EQ(solution.contacts, 0);
   EXPECT_EQ(solution.wrench.norm(), 0);
   EXPECT_NEAR(solution.penetration, 1.5e-3, 1e-12);
+  EXPECT_NEAR(solution.lost, 1.5e-3, 1e-12);
 }
 
 }  // namespace
