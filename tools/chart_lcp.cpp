@@ -1,5 +1,6 @@
 #include "tools/chart_lcp.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <memory>
@@ -34,14 +35,32 @@ struct Answer {
   int active = 0;
   bool solved = true;
   bool late = false;
+  double epsilon = 0;              // that its residual is of
+  const double* anchor = nullptr;  // forces that a raised ε may be counted from
 };
+
+// The natural map of an answer, by nothing that the solver kept but ε and the anchor.
+double residual_anew(const ContactSequence& s, const VecX& lambda, const Answer& answer) {
+  MatX W = s.W();
+  const int width = s.rows() / static_cast<int>(s.mu().size());
+  VecX added(s.rows());
+  for (Eigen::Index i = 0; i < W.rows(); i += width)
+    added.segment(i, width).setConstant(answer.epsilon * W.diagonal().segment(i, width).mean());
+  W.diagonal() += added;
+  if (width == 1) return lcp_residual(W, s.q(), lambda);
+  const double plain = coulomb_residual(W, s.q(), lambda, s.mu());
+  if (!answer.anchor) return plain;
+  const VecX q = s.q() - added.cwiseProduct(VecX::Map(answer.anchor, s.rows()));
+  return std::min(plain, coulomb_residual(W, q, lambda, s.mu()));
+}
 
 // One solver with its own warm start, and what it measured.
 class Contestant {
  public:
   enum class Start { warm, stale, cold };
 
-  Contestant(std::string solver, Start start, int steps) : start_(start), steps_(steps) {
+  Contestant(std::string solver, Start start, int steps, double tolerance_of_it)
+      : tolerance_(tolerance_of_it), start_(start), steps_(steps) {
     point_.solver = std::move(solver);
     point_.warm = start != Start::cold;
   }
@@ -64,6 +83,9 @@ class Contestant {
     active_.push_back(answer.active);
     point_.failures += !answer.solved && !answer.late;
     point_.capped += answer.late;
+    if (!answer.solved) return;
+    point_.raised += answer.anchor != nullptr;
+    point_.solved_but_wrong += !(residual_anew(sequence, lambda_, answer) <= 10 * tolerance_);
   }
 
   void compare(const ContactSequence& sequence, const Vec6& reference, double largest) {
@@ -93,6 +115,7 @@ class Contestant {
   VecX lambda_;
 
  private:
+  double tolerance_;
   Start start_;
   int steps_;
   VecX kept_;
@@ -103,7 +126,9 @@ class Contestant {
 class Hybrid final : public Contestant {
  public:
   Hybrid(std::string solver, Start start, int steps, const CoulombOptions& options, double limit_us = 0)
-      : Contestant(std::move(solver), start, steps), options_(options), limit_us_(limit_us) {}
+      : Contestant(std::move(solver), start, steps, options.tolerance),
+        options_(options),
+        limit_us_(limit_us) {}
 
  private:
   Answer solve(const ContactSequence& s, double begun) override {
@@ -111,7 +136,13 @@ class Hybrid final : public Contestant {
     CoulombOptions options = options_;
     if (limit_us_ > 0) options.deadline = until.deadline();
     const CoulombResult r = solve_coulomb(s.W(), s.q(), s.mu(), lambda_, *workspace_, s.version(), options);
-    return {r.residual, r.active, r.status == SolveStatus::solved, r.status == SolveStatus::deadline};
+    const bool raised = r.relative_diagonal > options.relative_diagonal;
+    return {r.residual,
+            r.active,
+            r.status == SolveStatus::solved,
+            r.status == SolveStatus::deadline,
+            r.relative_diagonal,
+            raised ? workspace_->anchor.data() : nullptr};
   }
 
   CoulombOptions options_;
@@ -121,7 +152,7 @@ class Hybrid final : public Contestant {
 
 class PivotingContestant final : public Contestant {
  public:
-  PivotingContestant(Start start, int steps) : Contestant("pivoting", start, steps) {}
+  PivotingContestant(Start start, int steps) : Contestant("pivoting", start, steps, LcpOptions{}.tolerance) {}
 
  private:
   void prepare(const ContactSequence&) override {
@@ -130,7 +161,7 @@ class PivotingContestant final : public Contestant {
   }
   Answer solve(const ContactSequence& s, double) override {
     const LcpResult r = solve_lcp(s.W(), s.q(), lambda_, active_, *workspace_, s.version(), {});
-    return {r.residual, r.active, r.status == SolveStatus::solved, false};
+    return {r.residual, r.active, r.status == SolveStatus::solved, false, LcpOptions{}.relative_diagonal};
   }
 
   std::vector<std::uint8_t> active_;
@@ -139,7 +170,7 @@ class PivotingContestant final : public Contestant {
 
 class Peer final : public Contestant {
  public:
-  Peer(Start start, int steps) : Contestant("pgs", start, steps) {}
+  Peer(Start start, int steps) : Contestant("pgs", start, steps, tolerance) {}
 
  private:
   Answer solve(const ContactSequence& s, double begun) override {
@@ -223,7 +254,7 @@ void chart_case(const std::string& kind, int contacts, bool friction, const LcpC
   of_sequence.seed = settings.seed;
   ContactSequence sequence(of_sequence);
 
-  const auto all = contestants(friction, kind == "stale", settings);
+  const auto all = contestants(friction, kind == "stale" || kind == "flat_stale", settings);
   Unregularised unregularised;
   const bool rigid = friction && of_sequence.kind == ContactCase::rigid;
   VecX reference;

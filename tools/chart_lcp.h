@@ -1,7 +1,8 @@
 // Time against residual of contact solvers, on sequences as a haptic loop meets them (contact_sequence.h).
 //
 // Every solver is given the same problems: W and δ_free of the sequence, its own last λ as warm start (warm),
-// zero (cold), or its λ of the last linearisation (case `stale`, blunt otherwise). Solvers:
+// zero (cold), or its λ of the last linearisation (cases `stale`, blunt otherwise, and `flat_stale`).
+// Solvers:
 //   pivoting             frictionless, lcp.h
 //   hybrid               friction, coulomb.h to a residual of 1e-6, no deadline
 //   hybrid_400us         … with a deadline of 400 µs
@@ -9,7 +10,10 @@
 //   block_gauss_seidel   the hybrid's exact 3×3 sweeps alone, to 1e-6 within 400 µs
 //   pgs                  projected Gauss-Seidel, the peers' solver, to 1e-6 within 400 µs
 // failures: answers above their tolerance at the iterations' cap; capped: … at the deadline.
-// Times are of the solver alone, in µs, quantiles over the steps; rows, in JSON, counts W's.
+// solved_but_wrong: answers called solved whose natural map, taken anew from W, q, λ and the ε that the
+// answer names (of a raised one: also about the forces it is counted from), is above ten times the tolerance.
+// raised: answers called solved with a raised ε. Times are of the solver alone, in µs, quantiles over the
+// steps; rows, in JSON, counts W's.
 #pragma once
 
 #include <functional>
@@ -31,6 +35,7 @@ struct LcpPoint {
   Quantiles us;
   double residual_median = 0, residual_max = 0;
   int failures = 0, capped = 0;
+  int solved_but_wrong = 0, raised = 0;
   double active_median = 0, active_max = 0;
   Quantiles wrench_error;  // relative, where the reference's wrench is above 1e-3 of the largest
 };

@@ -9,6 +9,7 @@
 #include "tools/chart.h"
 #include "tools/chart_captures.h"
 #include "tools/chart_lcp.h"
+#include "tools/chart_lcp_ticks.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/progress.h"
@@ -18,6 +19,7 @@ namespace {
 
 struct Options {
   LcpChartSettings settings;
+  LcpTickSettings ticks;
   std::vector<std::string> cases = lcp_case_names();
   std::vector<int> contacts = {10, 30, 100}, rows = {10, 30, 100, 300};
   bool quick = false;
@@ -41,6 +43,8 @@ nlohmann::ordered_json to_json(const LcpPoint& p) {
                                  {"residual_max", p.residual_max},
                                  {"failures", p.failures},
                                  {"capped", p.capped},
+                                 {"solved_but_wrong", p.solved_but_wrong},
+                                 {"raised", p.raised},
                                  {"active_median", p.active_median},
                                  {"active_max", p.active_max}};
   if (p.wrench_error.count > 0) {
@@ -49,6 +53,21 @@ nlohmann::ordered_json to_json(const LcpPoint& p) {
     json["wrench_error"] = p.wrench_error.max;
   }
   return json;
+}
+
+nlohmann::ordered_json to_json(const LcpTickPoint& p) {
+  return {{"case", p.kind},
+          {"strokes", p.strokes},
+          {"ticks", p.ticks},
+          {"capped", p.capped},
+          {"unusable_ticks", p.unusable},
+          {"longest_unusable_ticks", p.longest_unusable},
+          {"unusable_in_full", p.unusable_in_full},
+          {"force_error_rms", rounded(p.force_error_rms, 5)},
+          {"force_error_of_largest", rounded(p.force_error_of_largest, 5)},
+          {"full_force_max", rounded(p.full_force_max, 4)},
+          {"full_us_median", rounded(p.full_us_median, 1)},
+          {"full_us_p99", rounded(p.full_us_p99, 1)}};
 }
 
 nlohmann::ordered_json to_json(const LcpChart& chart, const Options& options) {
@@ -70,8 +89,8 @@ nlohmann::ordered_json to_json(const LcpChart& chart, const Options& options) {
 
 constexpr const char* csv_header =
     "solver,rows,contacts,friction,case,warm,steps,us_median,us_p99,us_p99_9,us_max,residual_median,"
-    "residual_max,failures,capped,active_median,active_max,wrench_error_median,wrench_error_p99,wrench_"
-    "error\n";
+    "residual_max,failures,capped,solved_but_wrong,raised,active_median,active_max,wrench_error_median,"
+    "wrench_error_p99,wrench_error\n";
 
 std::string to_csv(const std::vector<LcpPoint>& points) {
   std::ostringstream csv;
@@ -80,18 +99,29 @@ std::string to_csv(const std::vector<LcpPoint>& points) {
     csv << p.solver << ',' << p.rows << ',' << p.contacts << ',' << p.friction << ',' << p.kind << ','
         << p.warm << ',' << p.steps << ',' << p.us.p50 << ',' << p.us.p99 << ',' << p.us.p99_9 << ','
         << p.us.max << ',' << p.residual_median << ',' << p.residual_max << ',' << p.failures << ','
-        << p.capped << ',' << p.active_median << ',' << p.active_max << ',' << p.wrench_error.p50 << ','
-        << p.wrench_error.p99 << ',' << p.wrench_error.max << '\n';
+        << p.capped << ',' << p.solved_but_wrong << ',' << p.raised << ',' << p.active_median << ','
+        << p.active_max << ',' << p.wrench_error.p50 << ',' << p.wrench_error.p99 << ',' << p.wrench_error.max
+        << '\n';
   return csv.str();
 }
 
 void print_points(const std::vector<LcpPoint>& points) {
-  std::printf("  %-19s %-15s %4s %8s %5s %9s %9s %9s %8s %6s %9s\n", "solver", "case", "rows", "active", "",
-              "µs", "p99 µs", "residual", "failures", "capped", "wrench");
+  std::printf("  %-19s %-15s %4s %8s %5s %9s %9s %9s %8s %6s %5s %9s\n", "solver", "case", "rows", "active",
+              "", "µs", "p99 µs", "residual", "failures", "capped", "wrong", "wrench");
   for (const LcpPoint& p : points)
-    std::printf("  %-19s %-15s %4d %3.0f/%-4.0f %5s %8.1f %8.1f %9.1e %8d %6d %9.1e\n", p.solver.c_str(),
+    std::printf("  %-19s %-15s %4d %3.0f/%-4.0f %5s %8.1f %8.1f %9.1e %8d %6d %5d %9.1e\n", p.solver.c_str(),
                 p.kind.c_str(), p.rows, p.active_median, p.active_max, p.warm ? "warm" : "cold", p.us.p50,
-                p.us.p99, p.residual_max, p.failures, p.capped, p.wrench_error.p99);
+                p.us.p99, p.residual_max, p.failures, p.capped, p.solved_but_wrong, p.wrench_error.p99);
+}
+
+void print_ticks(const std::vector<LcpTickPoint>& points) {
+  for (const LcpTickPoint& p : points)
+    std::printf(
+        "  %s, %d ticks within the budget: %d capped, %d unusable, at most %d in a row; force off by %.2g "
+        "RMS, "
+        "%.2g of the largest (%.2g N; in full p99 %.0f µs, %d unusable)\n",
+        p.kind.c_str(), p.ticks, p.capped, p.unusable, p.longest_unusable, p.force_error_rms,
+        p.force_error_of_largest, p.full_force_max, p.full_us_p99, p.unusable_in_full);
 }
 
 void write_all(const Options& options, const nlohmann::ordered_json& json,
@@ -144,6 +174,7 @@ int run(Options& options, const CLI::App& app) {
     if (app.count("--steps") == 0) options.settings.steps = 1000;
     if (app.count("--contacts") == 0) options.contacts = {10, 30};
     if (app.count("--rows") == 0) options.rows = {10, 100};
+    if (app.count("--strokes") == 0) options.ticks.strokes = 2;
   }
   options.settings.peer_steps = std::min(options.settings.peer_steps, options.settings.steps);
   prepare_outputs("lcp", csv_header, options.out, options.json, options.csv, options.force);
@@ -167,9 +198,25 @@ int run(Options& options, const CLI::App& app) {
   plan(false, options.rows);
   plan(true, options.contacts);
 
+  options.ticks.seed = options.settings.seed;
+  const double of_ticks = 30.0 * options.ticks.strokes;
+  std::vector<std::string> tick_cases;
+  for (const std::string& kind : lcp_tick_case_names())
+    if (std::count(options.cases.begin(), options.cases.end(), kind) > 0) tick_cases.push_back(kind);
+  whole += of_ticks * static_cast<double>(tick_cases.size());
+
   LcpChart chart;
+  std::vector<LcpTickPoint> ticks;
   {
     Progress progress("chart");
+    for (const std::string& kind : tick_cases) {
+      ticks.push_back(chart_lcp_ticks(kind, options.ticks, [&](double fraction) {
+        progress.show((before + fraction * of_ticks) / whole, kind + ", ticks");
+        return !interrupted();
+      }));
+      if (interrupted()) return 1;
+      before += of_ticks;
+    }
     for (const Run& r : runs) {
       const std::string words = r.kind + ", " + std::to_string(r.size) + (r.friction ? " contacts" : " rows");
       chart_case(
@@ -190,7 +237,10 @@ int run(Options& options, const CLI::App& app) {
         "compared, "
         "%d unsolved without)\n",
         r.contacts, r.wrench_change.p50, r.wrench_change.p99, r.compared, r.unsolved);
-  write_all(options, to_json(chart, options), chart.points);
+  print_ticks(ticks);
+  nlohmann::ordered_json json = to_json(chart, options);
+  for (const LcpTickPoint& p : ticks) json["ticks"].push_back(to_json(p));
+  write_all(options, json, chart.points);
   return 0;
 }
 
@@ -215,6 +265,9 @@ Command add_chart_lcp(CLI::App& chart) {
       ->capture_default_str();
   app->add_option("--steps", options->settings.steps, "problems of each case")
       ->check(CLI::Range(20, 1000000))
+      ->capture_default_str();
+  app->add_option("--strokes", options->ticks.strokes, "of 600 haptic ticks, within the daemon's budget")
+      ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app->add_option("--seed", options->settings.seed, "of the strokes")->capture_default_str();
   app->add_option("--from", options->from, "solves the problems of `hapticd --capture DIR` instead");

@@ -30,11 +30,6 @@ Primitive punch(double radius) {
   return p;
 }
 
-// Uniform in [low, high): the library's distributions differ between implementations.
-double between(std::mt19937_64& random, double low, double high) {
-  return low + (high - low) * (static_cast<double>(random() >> 11) * 0x1p-53);
-}
-
 // Points as dense as it takes for a good part of the contacts to be loaded, most of them where it conforms.
 ContactSurface surface_for(ContactCase kind, int contacts) {
   const int size = contacts <= 10 ? 0 : contacts <= 30 ? 1 : contacts <= 100 ? 2 : 3;
@@ -52,6 +47,11 @@ ContactSurface surface_for(ContactCase kind, int contacts) {
       return rigid_plane(5e-3, 1 + static_cast<int>(std::sqrt(contacts)));
     case ContactCase::ill_conditioned:
       return lens_surface(5);
+    case ContactCase::flat_stale:
+      return block_surface(8, 2);
+    case ContactCase::wedge:
+    case ContactCase::badly_scaled:
+      return {};
     default:
       return lens_surface(round[size]);
   }
@@ -60,8 +60,9 @@ ContactSurface surface_for(ContactCase kind, int contacts) {
 }  // namespace
 
 const std::vector<std::string>& contact_case_names() {
-  static const std::vector<std::string> names = {"round",      "blunt", "flat",           "duplicates",
-                                                 "two_bodies", "rigid", "ill_conditioned"};
+  static const std::vector<std::string> names = {
+      "round", "blunt",           "flat",       "duplicates", "two_bodies",
+      "rigid", "ill_conditioned", "flat_stale", "wedge",      "badly_scaled"};
   return names;
 }
 
@@ -81,6 +82,7 @@ ContactSequence::ContactSequence(const SequenceSettings& settings)
       stiffness = 2;
       break;
     case ContactCase::flat:
+    case ContactCase::flat_stale:
     case ContactCase::rigid:
       reach_ = 3.4e-3;
       instrument_.primitives = {punch(reach_)};
@@ -88,6 +90,12 @@ ContactSequence::ContactSequence(const SequenceSettings& settings)
     case ContactCase::two_bodies:
       instrument_.primitives = {ball(radius, Vec3(-2e-3, 0, 0)), ball(radius, Vec3(2e-3, 0, 0))};
       reach_ = 2e-3;
+      break;
+    case ContactCase::wedge:
+      reach_ = 2e-3;
+      break;
+    case ContactCase::badly_scaled:
+      reach_ = 1;
       break;
     default:
       instrument_.primitives = {ball(radius, Vec3::Zero())};
@@ -112,7 +120,8 @@ Vec3 ContactSequence::place(const std::vector<Vec3>& x, int point) const {
 
 void ContactSequence::new_stroke() {
   constexpr double mus[] = {0.1, 0.3, 0.5, 0.8, 1.2, 2.0};
-  const bool punched = settings_.kind == ContactCase::flat || settings_.kind == ContactCase::rigid;
+  const bool punched = settings_.kind == ContactCase::flat || settings_.kind == ContactCase::flat_stale ||
+                       settings_.kind == ContactCase::rigid;
   const double span = punched ? 0.25e-3 : 0.8e-3;
   const auto point = [&] { return Vec3(between(random_, -span, span), between(random_, -span, span), 0); };
   stroke_.from = point();
@@ -228,7 +237,32 @@ void ContactSequence::absorb(const VecX& reference) {
   }
 }
 
+bool ContactSequence::drawn() const {
+  return settings_.kind == ContactCase::wedge || settings_.kind == ContactCase::badly_scaled;
+}
+
+void ContactSequence::draw() {
+  const int into = step_ % settings_.steps_per_linearisation;
+  relinearised_ = into == 0;
+  if (relinearised_) {
+    DrawnContacts d = settings_.kind == ContactCase::wedge
+                          ? draw_wedge(random_, settings_.contacts, width_)
+                          : draw_badly_scaled(random_, settings_.contacts, width_);
+    J_ = std::move(d.J);
+    W_ = W_raw_ = std::move(d.W);
+    q_drawn_ = std::move(d.q);
+    motion_ = std::move(d.motion);
+    mu_ = std::move(d.mu);
+    ++version_;
+  }
+  q_ = q_drawn_ + static_cast<double>(into) / settings_.steps_per_linearisation * motion_;
+}
+
 void ContactSequence::advance(const VecX& reference) {
+  if (drawn()) {
+    ++step_;
+    return draw();
+  }
   if (step_ >= 0) absorb(reference);
   ++step_;
   const bool begins = step_ % settings_.steps_per_stroke == 0;
@@ -247,7 +281,7 @@ void ContactSequence::carry(VecX& lambda) const {
   if (!relinearised_) return;
   const VecX old = lambda;
   lambda = VecX::Zero(rows());
-  if (old.size() != lambda.size()) return;
+  if (old.size() != lambda.size() || drawn()) return;
   for (int i = 0; i < settings_.contacts; ++i)
     if (const int k = before_[contact_[i].point]; k >= 0)
       lambda.segment(width_ * i, width_) = old.segment(width_ * k, width_);

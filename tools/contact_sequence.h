@@ -9,7 +9,9 @@
 // flat (a punch on the block, all conforming), duplicates (round, every point three times), two_bodies (a tip
 // on each of two lenses), rigid (a punch on a plane, W of rank 6 and, with friction, the compliance that
 // rows.h gives to rigid contacts), ill_conditioned (blunt, 25 points in each triangle, a coupling softer than
-// the tissue). Units: m, N. Deterministic: a function of case, sizes and seed.
+// the tissue), flat_stale (flat, 290 points under the punch), wedge and badly_scaled (drawn_contacts.h:
+// another problem at each linearisation, whose free gaps move in a line until the next). Units: m, N.
+// Deterministic: a function of case, sizes and seed.
 #pragma once
 
 #include <random>
@@ -18,10 +20,22 @@
 
 #include "physics/contact/instrument.h"
 #include "tools/contact_surface.h"
+#include "tools/drawn_contacts.h"
 
 namespace hapticd {
 
-enum class ContactCase { round, blunt, flat, duplicates, two_bodies, rigid, ill_conditioned };
+enum class ContactCase {
+  round,
+  blunt,
+  flat,
+  duplicates,
+  two_bodies,
+  rigid,
+  ill_conditioned,
+  flat_stale,
+  wedge,
+  badly_scaled
+};
 const std::vector<std::string>& contact_case_names();  // in the enum's order
 
 struct SequenceSettings {
@@ -70,6 +84,8 @@ class ContactSequence {
   };
 
   Vec3 place(const std::vector<Vec3>& x, int point) const;
+  bool drawn() const;
+  void draw();
   void new_stroke();
   Pose device(int step) const;
   void linearise();
@@ -97,6 +113,7 @@ class ContactSequence {
   MatX H_, J_, W_, W_raw_;
   VecX q_;
   std::vector<double> mu_;
+  VecX q_drawn_, motion_;  // of a problem that is drawn
 };
 
 }  // namespace hapticd

@@ -121,6 +121,55 @@ TEST(ChartLcp, QuickRunWritesEveryPoint) {
   EXPECT_EQ(cases, (std::set<std::string>{"round", "stale"}));
 }
 
+// What is called solved is solved, in every case and start; and the loop of ticks has been through contact.
+// How much of the force a budget of real time costs is a matter of the machine: the chart's, not this test's.
+TEST(ChartLcp, HardCasesAreSolvedWhereTheySayAndAreFeltInALoopOfTicks) {
+  const ScratchDirectory directory;
+  const CommandResult ran = run_haptic(
+      "chart lcp --cases flat_stale,wedge,badly_scaled --rows 10,30 --contacts 10 --steps 100 --strokes 1 "
+      "--json " +
+      directory.file("lcp.json") + " --csv " + directory.file("lcp.csv"));
+  ASSERT_EQ(ran.code, 0) << ran.output;
+  std::ifstream in(directory.file("lcp.json"));
+  const auto json = nlohmann::json::parse(in);
+  std::set<std::string> cases, felt;
+  for (const auto& p : json["points"]) {
+    cases.insert(p["case"]);
+    if (p["solver"] != "pgs") {
+      EXPECT_EQ(p["solved_but_wrong"], 0) << p;
+    }
+  }
+  EXPECT_EQ(cases, (std::set<std::string>{"flat_stale", "wedge", "badly_scaled"}));
+  for (const auto& t : json["ticks"]) {
+    felt.insert(t["case"]);
+    EXPECT_EQ(t["ticks"], 600) << t;
+    EXPECT_EQ(t["unusable_in_full"], 0) << t;
+    EXPECT_GT(t["full_force_max"], 0.005) << t;
+    EXPECT_LE(t["longest_unusable_ticks"], t["unusable_ticks"]) << t;
+    EXPECT_TRUE(t["force_error_rms"].is_number()) << t;
+  }
+  EXPECT_EQ(felt, cases);
+  std::ifstream csv(directory.file("lcp.csv"));
+  std::string header;
+  std::getline(csv, header);
+  EXPECT_NE(header.find(",solved_but_wrong,"), std::string::npos) << header;
+}
+
+// Compliances as far apart as the case says, and walls that face one another.
+TEST(DrawnContacts, AreAsHardAsTheirNamesSay) {
+  std::mt19937_64 random(3);
+  double least = 1e300, largest = 0;
+  for (int k = 0; k < 20; ++k) {
+    const DrawnContacts d = draw_badly_scaled(random, 20, 3);
+    least = std::min(least, d.W.diagonal().minCoeff());
+    largest = std::max(largest, d.W.diagonal().maxCoeff());
+  }
+  EXPECT_GT(largest / least, 1e11);
+  const DrawnContacts wedge = draw_wedge(random, 10, 3);
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(wedge.J(3 * i, 0) > 0, i % 2 == 0);
+  EXPECT_NEAR(wedge.J(0, 0), -wedge.J(3, 0), 1e-15);
+}
+
 TEST(ChartLcp, ADirectoryWithoutCapturesIsAnInputError) {
   const CommandResult ran = run_haptic("chart lcp --from /nowhere/at/all");
   EXPECT_EQ(ran.code, 2);
