@@ -65,6 +65,7 @@ nlohmann::ordered_json to_json(const LcpTickPoint& p) {
           {"unusable_in_full", p.unusable_in_full},
           {"force_error_rms", rounded(p.force_error_rms, 5)},
           {"force_error_of_largest", rounded(p.force_error_of_largest, 5)},
+          {"moved_rms", rounded(p.moved_rms, 5)},
           {"full_force_max", rounded(p.full_force_max, 4)},
           {"full_us_median", rounded(p.full_us_median, 1)},
           {"full_us_p99", rounded(p.full_us_p99, 1)}};
@@ -119,9 +120,9 @@ void print_ticks(const std::vector<LcpTickPoint>& points) {
     std::printf(
         "  %s, %d ticks within the budget: %d capped, %d unusable, at most %d in a row; force off by %.2g "
         "RMS, "
-        "%.2g of the largest (%.2g N; in full p99 %.0f µs, %d unusable)\n",
+        "%.2g of the largest (a micrometre sideways: %.2g RMS; %.2g N; in full p99 %.0f µs, %d unusable)\n",
         p.kind.c_str(), p.ticks, p.capped, p.unusable, p.longest_unusable, p.force_error_rms,
-        p.force_error_of_largest, p.full_force_max, p.full_us_p99, p.unusable_in_full);
+        p.force_error_of_largest, p.moved_rms, p.full_force_max, p.full_us_p99, p.unusable_in_full);
 }
 
 void write_all(const Options& options, const nlohmann::ordered_json& json,

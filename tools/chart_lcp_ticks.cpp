@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::int64_t ms = 1'000'000;
 constexpr int ticks = 600, ticks_before = 120;  // in the air, until armed
-constexpr double friction = 0.5, apart = 1e12, before = 1e-3;
+constexpr double friction = 0.5, apart = 1e12, before = 1e-3, micrometre = 1e-6;
 
 struct Scene {
   std::unique_ptr<CondensedProblem> problem;
@@ -104,7 +104,8 @@ Scene make_scene(const std::string& kind, std::uint64_t seed) {
 // Pressed, drawn to and fro, let go; a little tilted.
 class Stroke {
  public:
-  Stroke(const std::string& kind, std::uint64_t seed) : along_(kind == "wedge" ? 1 : 0) {
+  Stroke(const std::string& kind, std::uint64_t seed)
+      : along_(kind == "wedge" ? 1 : 0), above_(kind == "wedge" ? before : 0.05e-3) {
     Random random(seed);
     for (double& x : at_) x = between(random, -0.5e-3, 0.5e-3);
     if (kind == "wedge") at_[0] *= 0.2;
@@ -118,7 +119,7 @@ class Stroke {
     if (tick < 0) return X;
     const double s = static_cast<double>(tick) / ticks;
     const double press = std::min(1.0, 4 * std::pow(std::sin(std::numbers::pi * s), 2));
-    X.p = Vec3(at_[0], at_[1], 0.05e-3 - (depth_ + 0.05e-3) * press);
+    X.p = Vec3(at_[0], at_[1], above_ - (depth_ + above_) * press);
     X.p[along_] += 0.5e-3 * std::sin(2 * std::numbers::pi * cycles_ * s);
     X.q = Quat(Eigen::AngleAxisd(tilt_[0], Vec3::UnitX()) * Eigen::AngleAxisd(tilt_[1], Vec3::UnitY()));
     return X;
@@ -126,6 +127,7 @@ class Stroke {
 
  private:
   int along_;
+  double above_;  // where it comes down from: clear of the groove's walls, though off its middle
   std::array<double, 2> at_, tilt_;
   double depth_, cycles_;
 };
@@ -136,7 +138,8 @@ struct Felt {
   int capped = 0, unusable = 0, longest = 0;
 };
 
-Felt feel(const std::string& kind, std::uint64_t seed, bool budget) {
+// sideways: of where the stroke is [m].
+Felt feel(const std::string& kind, std::uint64_t seed, bool budget, double sideways = 0) {
   const Scene scene = make_scene(kind, seed);
   const Stroke stroke(kind, seed + 100);
   const HapticOptions options;
@@ -157,6 +160,7 @@ Felt feel(const std::string& kind, std::uint64_t seed, bool budget) {
     input.sample.received_ns = input.now_ns;
     input.sample.enable = true;
     input.sample.pose = stroke.at(t);
+    input.sample.pose.p.x() += sideways;
     scene.problem->published_ns = input.now_ns;
     const std::int64_t begun = monotonic_ns(), until = begun + options.solve_budget_ns;
     input.deadline = {};
@@ -182,6 +186,24 @@ Felt feel(const std::string& kind, std::uint64_t seed, bool budget) {
   return felt;
 }
 
+struct Difference {
+  double rms = 0, of_largest = 0;  // relative to the full force's
+  double largest = 0;              // full force [N]
+};
+
+Difference difference_of(const Felt& felt, const Felt& full) {
+  double error = 0, force = 0, most = 0, peak = 0;
+  for (std::size_t t = 0; t < full.force.size(); ++t) {
+    const double off = (felt.force[t] - full.force[t]).squaredNorm(), f = full.force[t].squaredNorm();
+    error += off;
+    force += f;
+    most = std::max(most, off);
+    peak = std::max(peak, f);
+  }
+  if (force <= 0) return {};
+  return {std::sqrt(error / force), std::sqrt(most / peak), std::sqrt(peak)};
+}
+
 }  // namespace
 
 std::vector<std::string> lcp_tick_case_names() { return {"flat_stale", "wedge", "badly_scaled"}; }
@@ -194,19 +216,11 @@ LcpTickPoint chart_lcp_ticks(const std::string& kind, const LcpTickSettings& set
   for (int k = 0; k < settings.strokes; ++k) {
     const std::uint64_t seed = 1000 * settings.seed + static_cast<std::uint64_t>(k);
     const Felt full = feel(kind, seed, false), felt = feel(kind, seed, true);
-    double error = 0, force = 0, largest = 0, peak = 0;
-    for (std::size_t t = 0; t < full.force.size(); ++t) {
-      const double off = (felt.force[t] - full.force[t]).squaredNorm(), f = full.force[t].squaredNorm();
-      error += off;
-      force += f;
-      largest = std::max(largest, off);
-      peak = std::max(peak, f);
-    }
-    if (force > 0) {
-      point.force_error_rms = std::max(point.force_error_rms, std::sqrt(error / force));
-      point.force_error_of_largest = std::max(point.force_error_of_largest, std::sqrt(largest / peak));
-    }
-    point.full_force_max = std::max(point.full_force_max, std::sqrt(peak));
+    const Difference off = difference_of(felt, full);
+    point.force_error_rms = std::max(point.force_error_rms, off.rms);
+    point.force_error_of_largest = std::max(point.force_error_of_largest, off.of_largest);
+    point.moved_rms = std::max(point.moved_rms, difference_of(feel(kind, seed, false, micrometre), full).rms);
+    point.full_force_max = std::max(point.full_force_max, off.largest);
     ++point.strokes;
     point.ticks += static_cast<int>(felt.force.size());
     point.capped += felt.capped;

@@ -25,8 +25,9 @@ struct LcpTickPoint {
   int longest_unusable = 0;    // run of ticks
   int unusable_in_full = 0;    // ticks without a deadline
   double force_error_rms = 0;  // of the strokes' largest: RMS of the difference over RMS of the full force
-  double force_error_of_largest = 0;           // … its largest difference over the largest full force
-  double full_force_max = 0;                   // [N]
+  double force_error_of_largest = 0;  // … its largest difference over the largest full force
+  double moved_rms = 0;               // … RMS of what the full solve, a micrometre sideways, differs by
+  double full_force_max = 0;          // [N]
   double full_us_median = 0, full_us_p99 = 0;  // of a tick without a deadline
 };
 

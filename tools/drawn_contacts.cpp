@@ -1,5 +1,6 @@
 #include "tools/drawn_contacts.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace hapticd {
@@ -53,12 +54,12 @@ DrawnContacts draw_badly_scaled(std::mt19937_64& random, int contacts, int width
   const int rows = width * contacts;
   MatX B(rows, rows);
   for (double& b : B.reshaped()) b = between(random, -1, 1);
-  for (int i = 0; i < contacts; ++i)
-    B.middleRows(width * i, width) *= std::sqrt(std::pow(apart, between(random, 0, 1)));
   DrawnContacts d;
-  d.W = symmetric(B * B.transpose());
   d.J = MatX::Zero(rows, 6);
   d.J.leftCols(std::min(rows, 6)) = B.leftCols(std::min(rows, 6));
+  for (int i = 0; i < contacts; ++i)
+    B.middleRows(width * i, width) *= std::sqrt(std::pow(apart, between(random, 0, 1)));
+  d.W = symmetric(B * B.transpose());
   d.q.resize(rows);
   d.motion.resize(rows);
   for (int i = 0; i < contacts; ++i) {
