@@ -4,8 +4,11 @@
 //
 // Implicit Euler loses energy, and so does one Newton iteration of it from x_n. A linearisation that is
 // foreseen, or stale, promises nothing: a slender body swings for ever, a piece on few nodes flies off. So
-// θ = 1, ½, ¼, … until the bound holds; θ = 0 keeps it, since v⁺ = 0 then. The bound is exact: E has every
-// element's own rotation at x + Δx, whatever the step was linearised with.
+// θ is the largest that keeps the bound, to three chords of the excess from ½, ¼, …; θ = 0 keeps it, since
+// v⁺ = 0 then. A body that nothing holds keeps its mean motion, and so its momentum: θ is of the rest.
+// The bound is exact to 1e-9 of the energies, a solve's rounding: E has every element's own rotation at
+// x + Δx, whatever the step was linearised with.
+//
 // Units: J. Shapes: Δx, f 3·nodes entries. Errors: none; a motion that is not a number is kept out whole.
 #pragma once
 
@@ -18,11 +21,11 @@ double kinetic_energy(const TissueModel& model, const TissueState& state) noexce
 
 struct EnergyBound {
   double share = 1;    // θ
-  double elastic = 0;  // E(x + θ Δx) [J]
+  double elastic = 0;  // E at the end of what is kept [J]
 };
 
-// elastic: E(x) at the state; f: all but the internal forces [N].
-EnergyBound bound_energy(const TissueModel& model, const TissueState& state, double elastic, const VecX& dx,
-                         const VecX& f, double h) noexcept;
+// elastic: E(x) at the state; f: all but the internal forces [N]. dx: the motion, and what is kept of it.
+EnergyBound bound_energy(const TissueModel& model, const TissueState& state, double elastic, VecX& dx,
+                         const VecX& f, double h);
 
 }  // namespace hapticd
