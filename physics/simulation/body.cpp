@@ -14,7 +14,7 @@ namespace {
 constexpr double sleeping_speed = 1e-5;  // [m/s]
 
 constexpr double far_turn = 0.3;    // [rad] in a step
-constexpr double held_back = 0.99;  // of a motion: less was kept for more than a rounded factor's error
+constexpr double notable = 1e-4;   // of the energies: more than a rounded factor makes
 
 // Δx_free, where `dx_free` holds f_int so far.
 void free_motion_of_force(Body& body, double h) {
@@ -61,7 +61,7 @@ void keep_energy(Body& body, double h) {
   const EnergyBound bound =
       bound_energy(body.model, body.state, *body.elastic, body.dx_free, body.scratch, h);
   body.elastic = bound.elastic;
-  body.bounded_steps = bound.share < held_back ? body.bounded_steps + 1 : 0;
+  body.bounded_steps = bound.made > notable ? body.bounded_steps + 1 : 0;
 }
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {

@@ -19,6 +19,14 @@ double kinetic_energy_of(const TissueModel& model, const TissueState& state, con
   return 0.5 * sum / (h * h);
 }
 
+// The energy of a strain that is nothing but rounding: at rest there is no other scale [J].
+double strain_of_rounding(const TissueModel& model) noexcept {
+  constexpr double strain = 1e-9, to_scale = 1 / solve_error;
+  double volume = 0;
+  for (const double v : model.volume) volume += v;
+  return to_scale * strain * strain * volume * (2 * model.material.mu() + model.material.lambda());
+}
+
 // The mean motion of a body that nothing holds: it is the forces' own. Of one that is held: none.
 Vec3 mean_motion(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
   Vec3 sum = Vec3::Zero();
@@ -74,11 +82,13 @@ double kinetic_energy(const TissueModel& model, const TissueState& state) noexce
 EnergyBound bound_energy(const TissueModel& model, const TissueState& state, double elastic, VecX& dx,
                          const VecX& f, double h) {
   const double before = kinetic_energy(model, state) + elastic,
-               allowed = before + solve_error * (before + std::abs(f.dot(dx)));
+               scale = before + std::abs(f.dot(dx)) + strain_of_rounding(model),
+               allowed = before + solve_error * scale;
   VecX base = VecX::Zero(dx.size());
   const Bounding about_rest(model, state, base, dx, f, h, allowed);
   auto over = about_rest.at(1);
-  if (over.holds()) return {1, over.elastic};
+  if (over.holds()) return {1, over.elastic, 0};
+  const double made = over.excess / scale;
   const Vec3 mean = mean_motion(model, state, dx);
   for (int n = 0; n < model.node_count(); ++n)
     if (state.live_tets_of_node[n] > 0 && !model.fixed[n]) base.segment<3>(3 * n) = mean;
@@ -102,7 +112,7 @@ EnergyBound bound_energy(const TissueModel& model, const TissueState& state, dou
     dx = bounding.motion(kept.share);
   else
     dx.setZero();
-  return {kept.share, kept.elastic};
+  return {kept.share, kept.elastic, made};
 }
 
 }  // namespace hapticd

@@ -6,8 +6,8 @@
 // foreseen, or stale, promises nothing: a slender body swings for ever, a piece on few nodes flies off. So
 // θ is the largest that keeps the bound, to three chords of the excess from ½, ¼, …; θ = 0 keeps it, since
 // v⁺ = 0 then. A body that nothing holds keeps its mean motion, and so its momentum: θ is of the rest.
-// The bound is exact to 1e-9 of the energies, a solve's rounding: E has every element's own rotation at
-// x + Δx, whatever the step was linearised with.
+// The bound is exact to 1e-9 of the energies, a solve's rounding, and to strains of 1e-9: E has every element's
+// own rotation at x + Δx, whatever the step was linearised with.
 //
 // Units: J. Shapes: Δx, f 3·nodes entries. Errors: none; a motion that is not a number is kept out whole.
 #pragma once
@@ -22,6 +22,7 @@ double kinetic_energy(const TissueModel& model, const TissueState& state) noexce
 struct EnergyBound {
   double share = 1;    // θ
   double elastic = 0;  // E at the end of what is kept [J]
+  double made = 0;     // what the whole motion would have made, of the energies there are
 };
 
 // elastic: E(x) at the state; f: all but the internal forces [N]. dx: the motion, and what is kept of it.
