@@ -182,7 +182,7 @@ void layout(File& f, CapturedProblem& c) {
                c.capture.linearisations <= 100,
            "settings of the solve out of range");
   f.put(c.capture.status);
-  f.expect(c.capture.status <= SolveStatus::not_finite, "an unknown status");
+  f.expect(c.capture.status <= SolveStatus::too_large, "an unknown status");
   f.put(c.capture.residual);
   f.numbers(c.capture.wrench.data(), 6);
 }

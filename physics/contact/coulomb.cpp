@@ -415,6 +415,7 @@ CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<co
     return result;
   };
   const auto sound = [](double m) { return m >= 0 && std::isfinite(m); };
+  if (contacts == 0) return result;
   if (contacts > ws.capacity) return refuse(SolveStatus::too_large);
   if (!q.allFinite() || !all_finite(W, matrix_version, ws.finite_version) ||
       !std::all_of(mu.begin(), mu.end(), sound))
