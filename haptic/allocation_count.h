@@ -1,10 +1,11 @@
-// Counts what the heap is asked for inside the haptic tick, in the program that people run.
+// Counts the heap calls inside the haptic tick, in the program that people run.
 //
-// The loop marks where its thread is (`region`); the program's malloc (server/malloc_count.cpp) adds one to
-// the region's count. Outside a marked region that costs malloc one thread-local load and a branch. `haptic`:
-// our own code of the tick. `transport`: what the device port calls in it, DDS above all. Thread safety:
-// `region` is each thread's own; the counts are atomic and cover all threads together. A program without that
-// malloc, and every sanitizer build, counts nothing: `available` says.
+// The loop marks where its thread is (`region`), and the program's malloc (server/malloc_count.cpp) adds one
+// to that region's count. Outside a marked region this costs malloc one thread-local load and a branch.
+// `haptic` is our own code of the tick; `transport` is what the device port calls in it, mainly DDS.
+// `available` is false in a program without that malloc and in every sanitizer build: nothing is counted
+// there.
+// Thread safety: `region` is each thread's own; the counts are atomic and cover all threads together.
 #pragma once
 
 #include <array>

@@ -1,14 +1,14 @@
-// Triple-buffer channel from one writer thread to one reader thread.
+// Triple-buffer channel from one writer thread to one reader thread: the reader takes the newest value.
 //
-// Thread safety: exactly one writer and one reader, each its own thread; they share one atomic byte.
+// Thread safety: exactly one writer and one reader, each its own thread. They share one atomic byte.
 // Invariants:
-//  1. {back, middle, front} is always a permutation of {0, 1, 2}; `back` is the writer's alone,
-//     `front` the reader's alone, `middle` is whichever index the atomic holds.
+//  1. {back, middle, front} is always a permutation of {0, 1, 2}. `back` belongs to the writer and `front` to
+//     the reader; `middle` is the index that the atomic holds.
 //  2. The atomic holds the middle index and a "new" bit, set by publish, cleared by acquire.
-//  3. publish: exchange(back | new, acq_rel): the reader that takes it sees all writes before it.
+//  3. publish: exchange(back | new, acq_rel). The reader that takes it sees all writes before it.
 //  4. A reader never goes back: a taken slot is the newest published before the take.
 // Guarantee: publish and acquire are wait-free (one atomic exchange each), no allocation.
-// T is written in place; it is never copied by the channel.
+// T is written in place; the channel never copies it.
 #pragma once
 
 #include <array>

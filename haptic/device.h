@@ -1,10 +1,11 @@
 // What crosses between a device and the haptic loop, as plain values.
 //
-// Units: m, N, N·m, ns (CLOCK_MONOTONIC of the daemon unless said otherwise). Device frame: the
-// device's own workspace; `to_scene` maps it into the scene.
 //   p_scene = origin + q_frame (position_scale · p_device),   q_scene = q_frame q_device q_tool
 //   f_device = force_scale · q_frameᵀ f_scene,   τ_device = (force_scale / position_scale) · q_frameᵀ τ_scene
-// so that both parts of the wrench do work in the same ratio force_scale / position_scale.
+//
+// Both parts of the wrench then do work in the same ratio, force_scale / position_scale.
+// Units: m, N, N·m, ns (CLOCK_MONOTONIC of the daemon unless said otherwise). The device frame is the
+// device's own workspace; `to_scene` maps it into the scene.
 #pragma once
 
 #include <array>
@@ -20,7 +21,7 @@ struct DeviceSample {
   std::uint64_t sequence = 0;        // the client's, strictly rising
   std::int64_t client_time_ns = 0;   // the client's clock, echoed
   std::int64_t received_ns = 0;      // daemon's clock, between the previous take and this one
-  Pose pose;                         // device frame; may be anything until validated
+  Pose pose;                         // device frame; any bits until check_sample accepts it
   std::uint32_t buttons = 0;
   bool enable = false;               // the client asks for force
 };
@@ -30,8 +31,8 @@ struct Presence {
   bool connected = false;            // a client holds the device; false: gone, zero at once
   bool new_client = false;           // the sample just taken is the first of a new client
   bool conflict = false;             // another client's sample was refused at this take
-  bool rival = false;                // somebody else writes this device's forces
-  bool settled = true;               // there was time to hear such a one; false: nothing is armed yet
+  bool rival = false;                // another writer of this device's forces is heard
+  bool settled = true;               // the port has listened for other writers long enough; false: do not arm
 };
 
 // Where the instrument is and what the pedals ask, from the haptic loop to the simulation.

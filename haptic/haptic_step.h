@@ -2,9 +2,9 @@
 //
 //   δ_free(X) → λ → wrench = Jᵀλ → device axes and scale → blend → gain → limits → force
 //
-// read → compute → filter → limit → check finite → answer. Every path to the answer goes through
-// the limits, or is exactly zero. Units: m, N, N·m, ns; the answer is in the device frame.
-// The answer's wake_ns and solve_ns are the loop's to fill in: there is no clock here.
+// The function reads in this order: read, compute, filter, limit, check finite, answer. Every path to the
+// answer goes through the limits or is exactly zero. The loop fills in wake_ns and solve_ns of the answer,
+// because there is no clock here. Units: m, N, N·m, ns; the answer is in the device frame.
 // Guarantee: noexcept, no allocation, wait-free, bounded by the contact solve's bound.
 #pragma once
 
@@ -21,12 +21,12 @@ struct HapticOptions {
   ContactOptions contact;
   ViscousOptions viscous;
   double blend_time = 5e-3;  // [s]; 0: none
-  // Natural map. A solve that ended at its cap or deadline and is worse is neither felt nor remembered, and the
-  // next ones resume (contact_solve.h): the wrench goes half-way to theirs each tick. Without any progress the
-  // last good wrench is held for 10 ms, then fades in 90 ms.
+  // Residual (natural map). A solve that ended at its cap or deadline with a larger one is resumed in the
+  // next ticks (contact_solve.h), and the wrench goes half-way to the resumed one each tick. Without any
+  // progress the last good wrench is held for 10 ms, then fades in 90 ms.
   double usable_residual = 1e-3;
-  // Samples that so many ticks like this one can reach are rows at once, and all within a fifth of the margin
-  // (ContactOptions::first_margin); infinity: all within the margin.
+  // Samples become rows at once if this many ticks like this one can reach them, or if they are within a
+  // fifth of the margin (ContactOptions::first_margin). Infinity: all within the margin.
   double ticks_ahead = 3;
   std::int64_t solve_budget_ns = 600'000;  // of the contact solve, from its begin; the loop keeps the clock
   bool passivity_control = false;          // the observer always runs
@@ -69,7 +69,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
                         const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
                         HapticState& state) noexcept;
 
-// Where the simulation should believe the instrument to be after this tick.
+// The instrument's state that the simulation should use after this tick.
 InstrumentInput instrument_input(const DeviceSettings& device, const WatchdogLimits& limits,
                                  const WatchdogState& state, std::int64_t now_ns) noexcept;
 

@@ -3,11 +3,12 @@
 //   bin(v) = v                                   for v < 64 ns
 //   bin(v) = 64 (e − 5) + (⌊v / 2^(e−6)⌋ − 64)   for 2^e ≤ v < 2^(e+1), e ≥ 6
 //
-// 64 bins per octave: a bin is at most 1/64 = 1.6 % wide, its centre at most 0.8 % off, up to
-// 2^34 ns = 17 s; longer durations land in the last bin, the maximum stays exact. Negative ones count as 0.
-// Thread safety: exactly one thread records; snapshots may be taken by any thread at any time and
-// are consistent up to the records in flight (relaxed atomics).
-// Guarantee: record is wait-free, allocates nothing: one bit scan and four relaxed stores.
+// There are 64 bins per octave: a bin is at most 1/64 = 1.6 % wide and its centre at most 0.8 % off, up to
+// 2^34 ns = 17 s. Longer durations land in the last bin, but the maximum stays exact. Negative ones count as
+// 0.
+// Thread safety: exactly one thread records. Any thread may take a snapshot at any time, consistent up to
+// the records in flight (relaxed atomics).
+// Guarantee: record is wait-free and allocates nothing: one bit scan and four relaxed stores.
 #pragma once
 
 #include <algorithm>

@@ -1,11 +1,11 @@
-// What stands between any computed force and a hand: finite check, saturation, slew limit, blend.
+// The limits between any computed force and a hand: finite check, saturation, slew limit, blend.
 //
 //   saturation   F ← F · min(1, F_max / ‖F‖)                      direction kept
 //   slew         F ← F_last + ΔF · min(1, Ḟ_max T / ‖ΔF‖)         per tick sent, whatever time passed
 //   blend        F ← F + (F_before − F) · (1 − (t + T)/(5 ms + T))  after a removal or a stall
 //
-// Two points of the ball ‖F‖ ≤ F_max have their segment in it, so slew after saturation obeys both.
-// Torque likewise, with τ_max and the slew Ḟ_max τ_max / F_max (equal time to full scale).
+// The segment between two points of the ball ‖F‖ ≤ F_max lies in the ball, so slew after saturation obeys
+// both. Torque has the same limits with τ_max and the slew Ḟ_max τ_max / F_max (equal time to full scale).
 // Units: N, N·m, s, device frame. Guarantee: wait-free, no allocation.
 #pragma once
 
@@ -28,12 +28,12 @@ inline Wrench operator*(double s, const Wrench& w) noexcept { return {s * w.forc
 
 bool is_finite(const Wrench& w) noexcept;
 
-// hit: set to true when something was cut, else left alone.
+// hit: set to true when a limit applied, else left unchanged.
 Wrench saturated(const DeviceSettings& device, const Wrench& w, bool& hit) noexcept;
 Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wrench& w, double period,
                     bool& hit) noexcept;
 
-// A force that was, giving way linearly to the one there is.
+// An earlier force that gives way linearly to the present one.
 struct Blend {
   Wrench from;
   double left = 0;  // 1 → 0

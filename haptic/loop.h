@@ -2,24 +2,22 @@
 //
 //   every 1 ms, or for each state that arrives:  take → haptic_step → write → publish the instrument → count
 //
-// Mode `tick`: clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME) on the grid t₀ + k T, `early_ns` before each
-// point; what is left is waited for by reading the clock, so a timer late by less than that makes no tick
-// late. A tick that ends after later grid points leaves them out (they are counted as missed) and goes on at
-// the next one: no catch-up bursts. All latencies count from the grid point. A client that has sent a state
-// for each of the last ticks is waited for when one is late, at most `late_state_ns` from the grid point:
-// that slot's force is late then, and answers its state; without that, a client late by more than half a
-// period (states are best sent half a period before the tick) loses a slot. Wait and solve's budget fit in a
-// period. A tick that is late itself waits `behind_stall_ns` at least, in the first half of a period: what
-// held it up held up the client, and of that client's two next states only the second would be answered.
-// Mode `event`: a tick for each arrival, at least `min_answer_ns` after the one before, so that a flood is
-// answered at 2 kHz and no faster; without arrivals a tick 1.5 T after the last arrival's (a client at 1 kHz
-// is a little early or late each time) and then each T. A tick's intended time is the arrival, or the end of
-// that wait. The step is told the time since the tick before, at most T: limits per second stay limits per
-// second. Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any;
-// the loop's thread alone reads `problems`, writes `instrument`, pushes to `history` and uses the port.
-// Guarantee: between start and stop the thread allocates nothing, takes no lock of its own and logs
-// nothing; what the port does in take and write is the port's to answer for.
-// Errors: start throws std::runtime_error when no thread can be made.
+// Mode `tick`: the thread wakes `early_ns` before each point of the grid t₀ + k T (clock_nanosleep on
+// CLOCK_MONOTONIC) and reads the clock for the rest, so a timer that is late by less makes no tick late. A
+// tick that ends after later grid points counts them as missed and goes on at the next one, without catching
+// up. A client that sent a state for each of the last ticks is waited for when one is late, at most
+// `late_state_ns` from the grid point. A tick that is itself late waits `behind_stall_ns` at least, in the
+// first half of a period, because what held it up also held up the client. Wait and the solve's budget fit
+// in a period.
+// Mode `event`: a tick for each arrival, at least `min_answer_ns` after the previous one. Without arrivals a
+// tick comes 1.5 T after the last arrival's, then each T. A tick's intended time is the arrival, or the end
+// of that wait. The step is told the time since the previous tick, at most T: limits per second stay limits
+// per second. Latencies count from the intended time.
+// Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any; the
+// loop's thread alone reads `problems`, writes `instrument`, pushes to `history` and uses the port.
+// Guarantee: between start and stop the thread allocates nothing, takes no lock of its own and logs nothing.
+// The port answers for what it does in take and write. Errors: start throws std::runtime_error if it gets no
+// thread.
 #pragma once
 
 #include <atomic>
@@ -47,7 +45,7 @@ class DevicePort {
   // The newest state since the last call, with received_ns set; false: none came.
   virtual bool take(std::int64_t now_ns, DeviceSample& sample) noexcept = 0;
   // Sleeps until something arrives that the next take will look at, or until `until_ns`: when it arrived, or
-  // 0. Only in mode `event`. May wake for what turns out to be nothing.
+  // 0. Only in mode `event`. May wake without a new state.
   virtual std::int64_t await(std::int64_t until_ns) noexcept = 0;
   // As of the last take.
   virtual Presence presence() const noexcept = 0;

@@ -2,12 +2,12 @@
 //
 //   scheduled = run + missed;   answered ≤ run
 //
-// A slot is one intended wake-up; in mode `event`, one arrival or the fallback's. scheduled: slots since the
-// start; run: ticks executed, each sends one force; missed: slots that passed during a late or long tick and
-// are not made up for; deadline_misses: ticks that ended after the next intended wake-up (one such tick may
-// miss many slots); answered: ticks with a new valid device state; late_states: ticks that had to wait for
-// theirs (loop.h). Missed slots enter `wake` and `timer` with the time that they waited until the tick in
-// their way was over, so a stall cannot hide (no coordinated omission).
+// A slot is one intended wake-up; in mode `event`, one arrival or the fallback's wake-up. run: ticks
+// executed, each sends one force. missed: slots that passed during a late or long tick and are not made up
+// for. deadline_misses: ticks that ended after the next intended wake-up; one such tick may miss many slots.
+// answered: ticks with a new valid device state. late_states: ticks that had to wait for theirs (loop.h). A
+// missed slot enters `wake` and `timer` with the time until the tick that blocked it was over, so a stall
+// cannot hide (no coordinated omission).
 // Thread safety: the loop's thread alone writes; all reads are relaxed and may lag.
 #pragma once
 

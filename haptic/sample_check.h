@@ -1,11 +1,11 @@
-// Is a device state fit to be rendered? Every refusal has a name.
+// Whether a device state may be rendered; every refusal has a name.
 //
-//   refused if a component of p or q is NaN or infinite; | ‖q‖ − 1 | > tolerance; the sequence does
-//   not rise; ‖p − p_previous‖ > max_speed · max(t − t_previous, period)
+//   refused if a component of p or q is NaN or infinite; | ‖q‖ − 1 | > tolerance; the sequence does not rise;
+//   ‖p − p_previous‖ > max_speed · max(t − t_previous, period)
 //
-// Units: m, m/s, ns. The previous state is the last accepted one of the same client; a state that
-// does not ask for force is not tested for a jump, so that a client may start again elsewhere.
-// Guarantee: wait-free, no allocation.
+// The previous state is the last accepted one of the same client. A state that does not ask for force is not
+// tested for a jump, so that a client may start again elsewhere.
+// Units: m, m/s, ns. Guarantee: wait-free, no allocation.
 #pragma once
 
 #include "haptic/device.h"
@@ -14,7 +14,7 @@ namespace hapticd {
 
 enum class Refusal : std::uint8_t { none, not_finite, not_unit_quaternion, sequence_not_rising, jump };
 
-// previous: null for the first state of a client. period_ns: the shortest time believed between states.
+// previous: null for the first state of a client. period_ns: the shortest plausible time between states.
 Refusal check_sample(const DeviceSettings& device, const DeviceSample& sample, const DeviceSample* previous,
                      std::int64_t period_ns, double quaternion_tolerance) noexcept;
 

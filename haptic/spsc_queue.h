@@ -1,12 +1,13 @@
-// Bounded queue from one producer thread to one consumer thread; what does not fit is dropped and counted.
+// Bounded queue from one producer thread to one consumer thread; a value that does not fit is dropped
+// and counted.
 //
 // Thread safety: exactly one producer and one consumer, each its own thread.
 // Invariants:
 //  1. head − tail is the number of values inside, 0 … capacity; both only grow.
-//  2. Slot i mod capacity is the producer's while i is not in [tail, head), else the consumer's.
+//  2. Slot i mod capacity belongs to the consumer while i is in [tail, head), else to the producer.
 //  3. push writes the slot, then releases head; pop acquires head, reads, then releases tail.
-// Guarantee: push and pop are wait-free and allocate nothing as long as copying a T does not; memory is
-// reserved by the constructor.
+// Guarantee: push and pop are wait-free and allocate nothing as long as copying a T does not. The
+// constructor reserves the memory.
 #pragma once
 
 #include <atomic>

@@ -1,14 +1,13 @@
-// What may change of a device while it is in a hand: its limits and scales, within what it started with, and
-// never at once.
+// Changes of a device's limits and scales while it is in a hand: within what it started with, and ramped.
 //
-//   clamped   every limit ≤ the one that the device started with (lowered, or back again);
+//   clamped   every limit ≤ the one that the device started with;
 //             position_scale · force_scale ≤ max(stiffness / K_vc, the product that it started with)
 //   ramp      x(t) = x₀ + (x₁ − x₀) min(1, t / 1 s)   for every value, in equal parts per tick
 //
-// A tick of the ramp changes a steady force F by at most |s₁ − s₀| / s₀ · F / 1000 for its force scale, and
-// the slew limit stands behind it as behind everything. A position scale moves the instrument by |s₁ − s₀|
-// |p| in that second: it is felt as the hand's own motion would be. A new target during a ramp begins where
-// the ramp is. Units: as DeviceSettings. Guarantee: wait-free, no allocation.
+// For a force scale from s₀ to s₁ a tick of the ramp changes a steady force F by at most |s₁ − s₀| / s₀ · F
+// / 1000, and the slew limit follows. A position scale moves the instrument by |s₁ − s₀| |p| in that second,
+// which is felt like a motion of the hand. A new target during a ramp starts from the present values.
+// Units: as DeviceSettings. Guarantee: wait-free, no allocation.
 #pragma once
 
 #include "haptic/device.h"
@@ -38,7 +37,7 @@ inline constexpr double tuning_seconds = 1;
 
 struct TuningRamp {
   DeviceTuning target;
-  double left = 0;  // [s]; 0: there
+  double left = 0;  // [s]; 0: the target is reached
 };
 
 void start_ramp(TuningRamp& ramp, const DeviceTuning& target) noexcept;

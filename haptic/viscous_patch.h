@@ -1,19 +1,18 @@
-// The published patch as the haptic tick should see it: viscous forces follow the tick's own time.
+// The published patch as a haptic tick needs it: viscous forces follow the tick's own time.
 //
 //   published, step h     A = s_h K,  s_h = 1 + β/h,   x_free = (x_eq + (β/h) x_now) / s_h
 //   here, tick T          A = s_T K,  s_T = 1 + β/T',  T' = T + a
 //                         x_free ← (x_eq + (β/T') x_before) / s_T,  C_pp ← C_pp s_h/s_T
 //   after the solve       x_before ← x_before + (T/T') (x − x_before)
 //
-// β: stiffness-proportional damping of the node's body (B = βK), x_before: where the patch was after the tick
-// before, or with a lag a: where the dashpot is, a spring of a's time in series with it (Maxwell, implicit
-// Euler). A published problem knows of velocity only that of its own step: in it, the force of tissue that is
-// pushed at constant speed grows over the step instead of being there at once. Mass and αM are left out: at
-// the tick's scale the patch is quasi-static beside its viscosity. At rest both are the same problem.
-// x_before is carried from problem to problem by sample ids; nodes that are new begin where they are, for
-// what was held there has not come up yet. T > 0; where it changes by more than a twentieth from one time to
-// the next, C_pp is scaled anew (less errs by that share of the viscous force). Units: SI.
-// Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
+// β is the stiffness-proportional damping of the node's body (B = βK). x_before is where the patch was after
+// the previous tick. With a lag a it is where the dashpot is, in series with a spring (Maxwell, implicit
+// Euler). A published problem knows only its own step's velocity, so without this the force of tissue that
+// is pushed at constant speed would grow over the step. Mass and αM are left out: at the tick's scale the
+// patch is quasi-static beside its viscosity. At rest both problems are equal. x_before is carried from
+// problem to problem by sample ids; new nodes begin where they are. C_pp is scaled again only where T
+// changes by more than a twentieth; below that the viscous force errs by that share. T > 0.
+// Units: SI. Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
 #pragma once
 
 #include <array>

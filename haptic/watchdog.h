@@ -1,26 +1,22 @@
 // The safety table as a pure state machine: what may the device feel in this tick?
 //
-//   event                                        | the device feels
-//   ---------------------------------------------|------------------------------------------------------
-//   no valid state for 3 / 10 / 100 ms           | last force held / ramp to zero in 5 ms / release, disarmed
-//   problem older than 60 / 200 ms               | damping only, F = −b v / release
-//   own gap ≥ 5 ms                               | that tick counts its state as old as the gap
-//   state refused (sample_check.h)               | it is as if it had not come; three in a row: release, latched
-//   second client                                | nothing; status_conflict for 100 ms
-//   second daemon for the device                 | to zero as after 10 ms without a state, latched
-//   client gone, enable false                    | zero in the same tick
-//   a force is not finite (latch_not_finite)     | zero in the same tick, latched
+//   no valid state for 3 / 10 / 100 ms           last force held / ramp to zero in 5 ms / release, disarmed
+//   problem older than 60 / 200 ms               damping only, F = −b v / release
+//   own gap ≥ 5 ms                               that tick counts its state as being as old as the gap
+//   state refused (sample_check.h)               as if it had not come; three in a row: release, latched
+//   second client                                nothing, status_conflict for 100 ms
+//   second daemon for the device                 ramp to zero, then disarmed and latched
+//   client gone, enable false, not finite        zero in the same tick; not finite also latches
 //
-// Release: to zero as fast as the device's slew limit allows. Only three rows step to zero: nobody is there to feel
-// the step (client gone), the client asks for it (enable false: a driver's stop), or no number is to be trusted.
-// Arming: an enable that is the first valid state of a new client, or that was seen going false →
-// true, arms as soon as the problem is alive (younger than 60 ms) and nothing is latched; the gain
-// then rises 0 → 1 in 100 ms. After disarming by age only false → true arms again. Seeing enable
-// false clears a latch; a latch by refused states also leaves with its client, one by a second daemon only when
-// that daemon is not heard any more. Neither of two daemons arms, so that none has to know which is right.
-// Gain: force = gain · (what `render` says). It falls at 1/5 ms while the state is older than 10 ms
-// and rises at 1/100 ms otherwise, per period of the loop: the slots of a gap count as one.
-// Units: ns, m/s. Time is an argument: no clock here. Guarantee: wait-free, no allocation.
+// Release goes to zero as fast as the slew limit allows. Only the last row steps to zero: nobody is there to
+// feel the step, the client asks for it, or no finite number is left.
+// Arming: the first valid state of a new client with enable true arms, and so does enable going false →
+// true, once the problem is younger than 60 ms and nothing is latched. After disarming by age only false →
+// true arms. Enable false clears a latch; a latch by a second daemon only when that daemon is no longer
+// heard. A latch by refusals also ends with its client. Neither of two daemons arms.
+// Gain: force = gain · (what `render` says). It falls in 5 ms while the state is older than 10 ms and rises
+// in 100 ms otherwise, per period of the loop: the slots of a gap count as one.
+// Units: ns, m/s. Time is an argument: there is no clock here. Guarantee: wait-free, no allocation.
 #pragma once
 
 #include "haptic/sample_check.h"
@@ -86,7 +82,7 @@ struct Verdict {
 Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const WatchdogInput& input,
               WatchdogState& state) noexcept;
 
-// To be called when a force turned out not finite: disarmed and latched from now on.
+// Call it when a force is not finite: the device is disarmed and latched from now on.
 void latch_not_finite(WatchdogState& state) noexcept;
 
 }  // namespace hapticd

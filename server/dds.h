@@ -1,20 +1,16 @@
 // Cyclone DDS for this project: domain, participant, reader and writer as owners, and the QoS of each topic.
 //
-//   topic                    type            QoS
-//   haptic/device/state      DeviceState     best effort, volatile, writer keep last 1
-//   haptic/device/force      ForceCommand    best effort, volatile, keep last 1
-//   haptic/server/status     ServerStatus    reliable, transient-local, keep last 1
-//   haptic/scene/geometry    SceneGeometry   reliable, transient-local, keep last 1
-//   haptic/scene/update      SceneUpdate     reliable, transient-local, keep last 1
+//   haptic/device/state, /force                      best effort, volatile, writer keep last 1
+//   haptic/server/status, /health                    reliable, transient-local, keep last 1
+//   haptic/scene/geometry, /update, /instrument      reliable, transient-local, keep last 1
 //
-// No topic has a latency budget: any above zero loses most 1 kHz samples. State has *shared*
-// ownership and a reader depth of 8, and the daemon itself keeps to the first client, by a filter
-// (device_bridge.h). Exclusive ownership cannot do that: between writers of equal strength Cyclone
-// gives the instance to the lower GUID, so that a second client silenced the first in 9 of 20 trials,
-// and hid the loser, so that the conflict could not even be reported.
-// Thread safety: Cyclone's entities may be used from any thread; a Reader or Writer here is used by
-// one at a time. Errors: constructors throw std::runtime_error with Cyclone's reason; take and write
-// are noexcept and return Cyclone's code (negative: error).
+// No topic has a latency budget, because any above zero loses most 1 kHz samples. State has *shared*
+// ownership and a reader depth of 8; the daemon itself keeps to the first client, by a filter
+// (device_bridge.h). Exclusive ownership cannot do that: between writers of equal strength Cyclone gives the
+// instance to the lower GUID, so a second client can silence the first, and the conflict cannot be reported.
+// Thread safety: Cyclone's entities may be used from any thread; a Reader or Writer here is used by one at a
+// time. Errors: constructors throw std::runtime_error with Cyclone's reason; take and write are noexcept and
+// return Cyclone's code (negative: error).
 #pragma once
 
 #include <dds/dds.h>
@@ -38,10 +34,11 @@ std::string read_dds_profile(const std::string& name);
 std::string default_dds_profile();
 std::string default_dds_profile_name();
 
-// Where was asked in vain: "DDS domain 7 with the profile /usr/share/hapticd/dds/loopback.xml".
+// Domain and profile, for a message that nobody answered:
+// "DDS domain 7 with the profile /usr/share/hapticd/dds/loopback.xml".
 std::string dds_place(std::uint32_t domain, const std::string& profile_name);
 
-// From now on a profile that reaches beyond this machine may be used without security (--open-network).
+// Allows from now on a profile that reaches beyond this machine without security (--open-network).
 void open_network() noexcept;
 
 // Throws std::runtime_error("<what>: <reason>") for a negative code, else returns it.
@@ -86,8 +83,8 @@ class Domain {
 
 class Participant {
  public:
-  // Without security it hears and is heard by everybody else without. Throws where the domain reaches beyond
-  // this machine and neither security nor open_network() was asked for.
+  // Without security it hears and is heard by every participant that has none either. Throws where the domain
+  // reaches beyond this machine and neither security nor open_network() was asked for.
   explicit Participant(const Domain& domain, const std::optional<Security>& security = {});
   dds_entity_t handle() const noexcept { return entity_.handle(); }
 

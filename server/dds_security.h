@@ -1,15 +1,15 @@
-// Who a participant is, in a domain where strangers are refused: DDS Security with the built-in plugins
-// (PKI-DH authentication, permissions, AES-GCM-GMAC).
+// A participant's identity in a domain that refuses strangers: DDS Security with the built-in plugins (PKI-DH
+// authentication, permissions, AES-GCM-GMAC).
 //
-//   DIR/ca.pem  governance.p7s            the same for everybody
+//   DIR/ca.pem  governance.p7s                     the same for everybody
 //   DIR/ROLE/cert.pem key.pem permissions.p7s      daemon, device, viewer, operator
 //
 // config/dds/security/make_keys.sh makes such a folder; the documents there say who may do what.
 // Contract: every participant of a process in one domain is secured, or none is.
-// Errors: security_files throws InputError naming the file that is missing, unreadable or not what its
-// name says; std::runtime_error where this build knows no plugins. What only Cyclone can tell (a
-// signature, an authority, an expiry) fails when the participant is made; a key that is another certificate's
-// shows only in that nobody answers.
+// Errors: security_files throws InputError naming the file that is missing, unreadable or not what its name
+// says, and std::runtime_error where this build knows no plugins. Making the participant fails on what only
+// Cyclone can tell (a signature, an authority, an expiry). A key that belongs to another certificate shows
+// only as silence: nobody answers.
 #pragma once
 
 #include <dds/dds.h>

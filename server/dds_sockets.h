@@ -1,13 +1,12 @@
-// What Cyclone DDS may hear: its calls of bind and recvmsg pass through here on their way to the C library.
+// Filters what Cyclone DDS may hear: its calls of bind and recvmsg pass through this file to the C library.
 //
-// A program that links this defines both functions, so the loader gives libddsc these and not libc's.
+// A program that links this file defines both functions, so the loader gives libddsc these instead of
+// libc's.
 // - Cyclone binds its UDP sockets to every address of the machine, whichever interface its profile names.
-// Where
-//   the profile names loopback alone they are bound to 127.0.0.1: the kernel then drops what comes from
+//   Where the profile names loopback alone, they are bound to 127.0.0.1, and the kernel drops packets from
 //   outside.
 // - A received RTPS message that would end the process (rtps_check.h) is replaced by one without content.
-// Calls of others pass unchanged: bind outside of LoopbackSockets, and messages that do not begin with
-// "RTPS".
+// Other calls pass unchanged: bind outside of LoopbackSockets, and messages that do not begin with "RTPS".
 //
 // Thread safety: any thread. Guarantee: receiving allocates nothing.
 #pragma once

@@ -1,13 +1,12 @@
-// What the daemon says while it runs: one line an event, for a person or for a program.
+// The daemon's log: one line an event, for a person or for a program.
 //
 //   human   hapticd: ready, domain 0
-//   json    {"time":"2026-01-31T12:00:00.000Z","level":"info","event":"ready","message":"ready, domain
-//   0","domain":0}
+//   json    {"time":"2026-01-31T12:00:00.000Z","level":"info","event":"ready","message":"ready, domain 0",…}
 //
-// Thread safety: any ordinary thread; a line is one write to stderr. A real-time thread has said
-// `no_log_from_this_thread` first: its lines are dropped and counted, never waited for.
-// Errors: none; what cannot be written at once (a full pipe that nobody reads) is lost and counted, and the
-// next line that can be written is followed by one that says how many were.
+// A line is one write to stderr. No line waits for its reader: into a full pipe it is lost and counted, and
+// the next line that can be written is followed by one that says how many were lost.
+// Thread safety: any ordinary thread. A real-time thread has called `no_log_from_this_thread` first: its
+// lines are dropped and counted. Errors: none.
 #pragma once
 
 #include <cstdint>

@@ -1,17 +1,19 @@
-// What a monitoring system asks for, in Prometheus's text format 0.0.4: pure text from counters.
+// The daemon's metrics in Prometheus's text format 0.0.4, made from counters alone.
 //
 //   hapticd_haptic_wake_seconds{device="0"}      histogram   lateness of a tick against its intended time
 //   hapticd_haptic_step_seconds                  histogram   the haptic step of ticks with a contact solve
-//   hapticd_haptic_state_age_seconds             histogram   of the device state that a tick answers
+//   hapticd_haptic_state_age_seconds             histogram   age of the device state that a tick answers
 //   hapticd_simulation_step_seconds              histogram   computing one simulation step
 //   hapticd_haptic_ticks_total, _slots_missed_total, _deadline_misses_total, _answered_total
-//   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_foreign_forces_total, hapticd_solver_caps_total
-//   hapticd_simulation_steps_total, _overruns_total, hapticd_elements_removed_total, …
+//   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_foreign_forces_total,
+//   hapticd_solver_caps_total, hapticd_simulation_steps_total, _overruns_total,
+//   hapticd_elements_removed_total, …
 //   hapticd_packets_refused_total, hapticd_dds_lines_total, hapticd_log_lines_lost_total      of the process
-//   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, hapticd_problem_age_seconds …     gauges
+//   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, …                       gauges
 //
-// A histogram's bounds are 2^k and 1.5·2^k ns, k = 12 … 27 (4 µs to 0.2 s): edges of the bins that the loops
-// count in (haptic/histogram.h), so nothing is smeared. Units: seconds, newtons, bytes. Errors: none.
+// A histogram's bounds are 2^k and 1.5·2^k ns, k = 12 … 27 (4 µs to 0.2 s). They are edges of the bins in
+// which the loops count (haptic/histogram.h), so no count is split. Units: seconds, newtons, bytes. Errors:
+// none.
 #pragma once
 
 #include <string>

@@ -1,10 +1,11 @@
-// HTTP for those who ask this machine for /metrics: GET and HEAD, on a loopback address alone.
+// HTTP server of /metrics for this machine: GET and HEAD, on a loopback address alone.
 //
-// Everything else is refused: another path 404, another method 405, a request whose Host is no loopback name
-// 403 (a web page of elsewhere that a browser here was made to ask, by a name that its author points at
-// 127.0.0.1). At most 16 connections, each let go after 5 s. The page is made by `page` in the server's own
-// thread, of ordinary priority. Errors: the constructor throws std::invalid_argument for an address that is
-// not loopback or not an address, std::runtime_error where the port cannot be had.
+// Everything else is refused: another path with 404, another method with 405, a request whose Host is no
+// loopback name with 403. The last protects against a web page elsewhere that makes a browser here ask by a
+// name which its author points at 127.0.0.1. At most 16 connections are open, each for at most 5 s. `page`
+// makes the text in the server's own thread, of ordinary priority. Errors: the constructor throws
+// std::invalid_argument for an address that is not loopback or not an address, std::runtime_error where the
+// port cannot be had.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +15,7 @@
 
 namespace hapticd {
 
-// What is wrong with such an address; empty: nothing.
+// The fault of such an address; empty: none.
 std::string metrics_address_fault(const std::string& address);
 
 class MetricsServer {

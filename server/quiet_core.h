@@ -1,7 +1,7 @@
 // Keeps the kernel's own threads off the haptic thread's core, where they may be moved.
 //
 // A kernel without full preemption lets what runs inside it come to a point of its own choosing: one of its
-// threads that walks memory holds up SCHED_FIFO on its core for 0.1 to 0.4 ms (haptic/README.md), whatever
+// threads that walks memory holds up SCHED_FIFO on its core for 0.1 to 0.4 ms (haptic/MEASURED.md), whatever
 // its priority. Threads bound to a core are left, as are those that may run on no other core. Where /proc
 // hides the kernel's threads (a container, ProtectProc=invisible) none is moved, and none told of. A process
 // that is killed leaves them where they are.

@@ -32,10 +32,15 @@ struct Waypoint {
   int hold = 0;  // ticks there, afterwards
 };
 
+// Every third episode cuts a core loose, and sucks nothing out.
+bool cuts_loose(std::uint64_t seed) { return seed % 3 == 0; }
+
 // Strokes, one after another for ever: ways of minimum jerk from waypoint to waypoint.
 class Script {
  public:
-  explicit Script(std::uint64_t seed) : chance_(seed) { from_ = to_ = over_lens(0, -0.6e-3, clear); }
+  explicit Script(std::uint64_t seed) : chance_(seed), core_(cuts_loose(seed)) {
+    from_ = to_ = over_lens(0, -0.6e-3, clear);
+  }
 
   void advance() {
     if (++at_ < length_ + hold_) return;
@@ -70,7 +75,8 @@ class Script {
   void stroke() {
     constexpr std::uint32_t both = pedal_phaco | pedal_aspiration;
     const double p = chance_.between(0, 1);
-    const std::uint32_t pedals = p < 0.7 ? both : p < 0.8 ? pedal_phaco : p < 0.9 ? pedal_aspiration : 0u;
+    if (core_ && strokes_ == 0) return around_core();
+    const std::uint32_t pedals = core_ ? pedal_phaco : p < 0.7 ? both : p < 0.8 ? pedal_phaco : p < 0.9 ? pedal_aspiration : 0u;
     speed_ = 1e-3 * std::pow(peak_speed / jerk_peak / 1e-3, chance_.between(0, 1));
     const double kind = chance_.between(0, 1);
     if (kind < 0.3)
@@ -89,6 +95,19 @@ class Script {
       quarter(pedals);
     else
       rest();
+  }
+
+  // Round a core of 0.6 to 1.3 mm, deeper each time, until nothing holds it.
+  void around_core() {
+    const double r = chance_.between(1.2e-3, 1.9e-3);
+    speed_ = fast_;
+    come_over(r, 0);
+    for (double depth = 0.5e-3; depth < 5e-3; depth += 0.6e-3)
+      for (int k = 0; k <= 24; ++k) {
+        const double angle = k * std::numbers::pi / 12;
+        go(within(r * std::cos(angle), r * std::sin(angle), depth), pedal_phaco);
+      }
+    come_over(r, 0);
   }
 
   // There and back at rising depth, in a line `aside` of the middle.
@@ -165,6 +184,7 @@ class Script {
   }
 
   Chance chance_;
+  const bool core_;
   Vec3 from_, to_;
   int at_ = 0, length_ = 300, hold_ = 0;
   std::uint32_t buttons_ = 0;
@@ -213,7 +233,10 @@ class Episode {
 
  private:
   static Scene faster(Scene scene, std::uint64_t seed) {
-    if (seed % 2 == 0) scene.removal.rate *= 3;
+    if (cuts_loose(seed))
+      scene.removal.rate *= 10;
+    else if (seed % 2 == 0)
+      scene.removal.rate *= 3;
     return scene;
   }
   static VirtualDaemonOptions options(std::uint64_t seed) {
@@ -264,6 +287,7 @@ class Episode {
     report_.farthest = std::max(report_.farthest, seen.farthest);
     report_.fastest = std::max(report_.fastest, seen.fastest);
     report_.made = std::max(report_.made, seen.made);
+    report_.free_steps += seen.free > 0;
     energy_ = std::max(energy_, seen.free_energy);
     report_.free_energy = std::max(report_.free_energy, energy_);
     const double made_allowed = energy_allowed * energy_ + small_energy;
@@ -299,6 +323,7 @@ void add(const CarveReport& part, CarveReport& sum) {
   sum.farthest_allowed = std::max(sum.farthest_allowed, part.farthest_allowed);
   sum.fastest = std::max(sum.fastest, part.fastest);
   sum.fastest_allowed = std::max(sum.fastest_allowed, part.fastest_allowed);
+  sum.free_steps += part.free_steps;
   sum.made = std::max(sum.made, part.made);
   sum.free_energy = std::max(sum.free_energy, part.free_energy);
   sum.made_allowed = std::max(sum.made_allowed, part.made_allowed);

@@ -4,7 +4,8 @@
 // face down to the posterior one, plunges through the lens into the capsule, sweeps to the equator and along
 // the capsule, quarters eaten away, and rests in which what is left lies alone. 1 to 12 mm/s in the scene,
 // pedals up or down, the scene's rate of removal or three times that, bases one to four steps late, a fresh
-// scene every `episode` ticks. The daemon is that of virtual_daemon.h, with interim problems and refreshes;
+// scene every `episode` ticks. Every third seed first cuts round a core, at ten times the rate and without
+// suction, so that a free piece is left and pushed about. The daemon is that of virtual_daemon.h, with interim problems and refreshes;
 // the device is the scene's with its own limits. Looked at:
 //   each tick   force and torque finite, within the device's maximum and slew
 //   each step   nothing has burst (tissue_watch.h); what throws is an end
@@ -40,6 +41,7 @@ struct CarveReport {
   double farthest = 0, farthest_allowed = 0;  // [m]
   double fastest = 0, fastest_allowed = 0;    // [m/s]
   double made = 0, made_allowed = 0;          // by a free piece [J]
+  std::int64_t free_steps = 0;                // with a free piece
   double free_energy = 0;                     // largest of one when it was let go; 0: there was none [J]
   std::uint32_t status = 0;                   // every bit that was set
   std::vector<CarveFault> faults;

@@ -24,7 +24,7 @@ double stored(const Body& body, int t) {
 }  // namespace
 
 TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instrument_speed)
-    : pieces_(bodies.size()) {
+    : watched_(bodies.size()) {
   if (!scene.gravity.isZero(0)) throw std::invalid_argument("the watch of free pieces knows no gravity");
   const auto removable =
       std::find_if(bodies.begin(), bodies.end(), [](const Body& b) { return b.removable; });
@@ -57,51 +57,46 @@ TissueExtremes TissueWatch::look(const Bodies& bodies) {
       out.farthest = std::max(out.farthest, (x - middle_).norm());
       out.fastest = std::max(out.fastest, v.norm());
     }
-    if (out.finite && body.removable) look_at_energy(body, pieces_[b], out);
+    if (out.finite && body.removable) look_at_energy(body, watched_[b], out);
   }
   return out;
 }
 
-void TissueWatch::label(const Body& body, Pieces& pieces) {
-  const TissueModel& m = body.model;
-  const std::vector<Pieces::Piece> before = std::move(pieces.piece);
-  const std::vector<int> of_tet_before = std::move(pieces.of_tet);
-  pieces.removed = body.state.removed;
-  pieces.of_tet = label_pieces(m, body.state);
-  pieces.of_node.assign(m.mesh.nodes.size(), -1);
-  pieces.piece.clear();
-  for (int t = 0; t < m.tet_count(); ++t) {
-    const int p = pieces.of_tet[t];
-    if (p < 0) continue;
-    if (p == static_cast<int>(pieces.piece.size())) pieces.piece.emplace_back().first = t;
-    ++pieces.piece[p].tets;
-    for (const int n : m.mesh.tets[t]) {
-      pieces.of_node[n] = p;
-      pieces.piece[p].held = pieces.piece[p].held || m.fixed[n] != 0;
-    }
+void TissueWatch::label(const Body& body, Watched& watched) {
+  const std::vector<Watched::Piece> before = std::move(watched.piece);
+  const std::vector<int> of_tet_before = std::move(watched.pieces.of_tet);
+  watched.removed = body.state.removed;
+  watched.pieces = find_pieces(body.model, body.state);
+  watched.piece.assign(static_cast<std::size_t>(watched.pieces.count()), {});
+  for (int t = 0; t < body.model.tet_count(); ++t) {
+    if (watched.pieces.of_tet[t] < 0) continue;
+    Watched::Piece& p = watched.piece[watched.pieces.of_tet[t]];
+    if (p.tets++ == 0) p.first = t;
   }
-  for (Pieces::Piece& p : pieces.piece) {
+  for (Watched::Piece& p : watched.piece) {
     const int was = of_tet_before.empty() ? -1 : of_tet_before[p.first];
     if (was >= 0 && before[was].first == p.first && before[was].tets == p.tets) p.since = before[was].since;
   }
 }
 
-void TissueWatch::look_at_energy(const Body& body, Pieces& pieces, TissueExtremes& out) {
-  if (pieces.removed != body.state.removed) label(body, pieces);
+void TissueWatch::look_at_energy(const Body& body, Watched& watched, TissueExtremes& out) {
+  if (watched.removed != body.state.removed) label(body, watched);
   const TissueModel& m = body.model;
-  for (Pieces::Piece& p : pieces.piece) p.energy = 0;
+  const Pieces& pieces = watched.pieces;
+  for (Watched::Piece& p : watched.piece) p.energy = 0;
   for (int t = 0; t < m.tet_count(); ++t)
-    if (const int p = pieces.of_tet[t]; p >= 0 && !pieces.piece[p].held)
-      pieces.piece[p].energy += stored(body, t);
+    if (const int p = pieces.of_tet[t]; p >= 0 && !pieces.held[p]) watched.piece[p].energy += stored(body, t);
   for (std::size_t n = 0; n < pieces.of_node.size(); ++n) {
     if (pieces.of_node[n] < 0) continue;
-    Pieces::Piece& p = pieces.piece[pieces.of_node[n]];
+    Watched::Piece& p = watched.piece[pieces.of_node[n]];
     p.energy += 0.5 * body.state.mass[n] * body.state.v[n].squaredNorm();
     if (body.pressed.size() > 0 && !body.pressed.segment<3>(3 * static_cast<Eigen::Index>(n)).isZero(0))
       p.since = -1;
   }
-  for (Pieces::Piece& p : pieces.piece) {
-    if (p.held) continue;
+  for (int k = 0; k < pieces.count(); ++k) {
+    Watched::Piece& p = watched.piece[k];
+    if (pieces.held[k]) continue;
+    ++out.free;
     if (p.since < 0) {
       p.since = p.energy;
       out.free_energy = std::max(out.free_energy, p.energy);

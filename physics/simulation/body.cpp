@@ -57,10 +57,14 @@ void compute_free_displacement(Body& body) {
 void keep_energy(Body& body, double h) {
   external_forces(body.model, body.state, body.scratch);
   body.scratch += body.pressed;
-  if (!body.elastic) body.elastic = stored_energy(body.model, body.state, VecX::Zero(body.dx_free.size()));
-  const EnergyBound bound =
-      bound_energy(body.model, body.state, *body.elastic, body.dx_free, body.scratch, h);
-  body.elastic = bound.elastic;
+  if (body.elastic.size() == 0) {
+    body.pieces = find_pieces(body.model, body.state);
+    body.elastic.resize(body.pieces.count());
+    stored_energies(body.model, body.state, body.pieces, VecX::Zero(body.dx_free.size()), body.elastic);
+  }
+  EnergyBound bound =
+      bound_energy(body.model, body.state, body.pieces, body.elastic, body.dx_free, body.scratch, h);
+  body.elastic = std::move(bound.elastic);
   body.bounded_steps = bound.made > notable ? body.bounded_steps + 1 : 0;
 }
 
@@ -202,7 +206,7 @@ std::vector<int> take_out(Body& body, std::span<const int> tets) {
   body.surface.remove(tets);
   body.asleep = false;
   remove_tets(body.model, body.state, went);
-  if (!went.empty()) body.elastic.reset();
+  if (!went.empty()) body.elastic.resize(0);
   return went;
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "physics/compliance/compliance.h"
+#include "physics/tissue/fragments.h"
 #include "physics/tissue/surface.h"
 #include "physics/tissue/tissue.h"
 
@@ -52,7 +53,8 @@ struct Body {
   VecX begun_from;                // … and what is begun is added to this; empty: to nothing
   VecX pressed;                   // Σ Hᵀλ of the last `correct` [N]
   std::vector<Vec3> v_before;     // … and v before it
-  std::optional<double> elastic;  // E at the state [J]; none: not known
+  Pieces pieces;                  // of the live tissue; none: not known
+  VecX elastic;                   // E of each at the state [J]; none: not known
   int bounded_steps = 0;          // in a row, whose motion would have made energy (energy_bound.h)
   bool asleep = false;            // at rest and out of reach: its step is skipped
 

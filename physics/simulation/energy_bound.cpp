@@ -1,6 +1,10 @@
 #include "physics/simulation/energy_bound.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
 
 #include "physics/tissue/stored_energy.h"
 
@@ -11,63 +15,78 @@ constexpr int most_halvings = 12;
 constexpr int chords = 3;
 constexpr double solve_error = 1e-9;  // of the energies that are summed: what C's rounding makes of them
 
-double kinetic_energy_of(const TissueModel& model, const TissueState& state, const VecX& dx,
-                         double h) noexcept {
-  double sum = 0;
-  for (int n = 0; n < model.node_count(); ++n)
-    if (!model.fixed[n]) sum += state.mass[n] * dx.segment<3>(3 * n).squaredNorm();
-  return 0.5 * sum / (h * h);
-}
-
-// The energy of a strain that is nothing but rounding: at rest there is no other scale [J].
-double strain_of_rounding(const TissueModel& model) noexcept {
-  constexpr double strain = 1e-9, to_scale = 1 / solve_error;
-  double volume = 0;
-  for (const double v : model.volume) volume += v;
-  return to_scale * strain * strain * volume * (2 * model.material.mu() + model.material.lambda());
-}
-
-// The mean motion of a body that nothing holds: it is the forces' own. Of one that is held: none.
-Vec3 mean_motion(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
-  Vec3 sum = Vec3::Zero();
-  double mass = 0;
-  for (int n = 0; n < model.node_count(); ++n) {
-    if (state.live_tets_of_node[n] == 0) continue;
-    if (model.fixed[n]) return Vec3::Zero();
-    sum += state.mass[n] * dx.segment<3>(3 * n);
-    mass += state.mass[n];
-  }
-  return mass > 0 ? Vec3(sum / mass) : Vec3::Zero();
-}
-
-// What is kept of a motion about another: base + θ (Δx − base).
+// What the bound is of, one entry a piece.
 class Bounding {
  public:
-  Bounding(const TissueModel& model, const TissueState& state, const VecX& base, const VecX& dx,
-           const VecX& f, double h, double allowed)
-      : model_(model),
-        state_(state),
-        base_(base),
-        rest_(dx - base),
-        base_energy_(kinetic_energy_of(model, state, base, h) - f.dot(base) - allowed),
-        moving_(kinetic_energy_of(model, state, rest_, h)),
-        work_(f.dot(rest_)) {}
+  Bounding(const TissueModel& model, const TissueState& state, const Pieces& pieces, const VecX& elastic,
+           const VecX& dx, const VecX& f, double h)
+      : model_(model), state_(state), pieces_(pieces), f_(f), h_(h) {
+    const VecX before = elastic + kinetic([&](int n) { return Vec3(h * state.v[n]); });
+    scale_ = before + work(dx).cwiseAbs() + strain_of_rounding();
+    allowed_ = before + solve_error * scale_;
+  }
 
-  struct Kept {
-    double share, elastic, excess;
-    bool holds() const { return excess <= 0; }
+  struct End {
+    VecX elastic, excess;
+    bool holds(int p) const { return excess[p] <= 0; }  // not of what is no number
   };
-  VecX motion(double share) const { return base_ + share * rest_; }
-  Kept at(double share) const {
-    const double elastic = stored_energy(model_, state_, motion(share));
-    return {share, elastic, base_energy_ + share * (share * moving_ - work_) + elastic};
+  End after(const VecX& dx) const {
+    End end;
+    end.elastic.resize(pieces_.count());
+    stored_energies(model_, state_, pieces_, dx, end.elastic);
+    end.excess = kinetic([&](int n) { return Vec3(dx.segment<3>(3 * n)); }) - work(dx) + end.elastic - allowed_;
+    return end;
+  }
+  double relative(const VecX& excess, int p) const { return excess[p] / scale_[p]; }
+
+  // The mean motion of each piece that nothing holds: it is the forces' own. Of one that is held: none.
+  VecX mean_motion(const VecX& dx) const {
+    const int count = pieces_.count();
+    VecX sum = VecX::Zero(3 * count), mass = VecX::Zero(count), mean = VecX::Zero(dx.size());
+    each_node([&](int n, int p) {
+      sum.segment<3>(3 * p) += state_.mass[n] * dx.segment<3>(3 * n);
+      mass[p] += state_.mass[n];
+    });
+    each_node([&](int n, int p) {
+      if (!pieces_.held[p] && mass[p] > 0) mean.segment<3>(3 * n) = sum.segment<3>(3 * p) / mass[p];
+    });
+    return mean;
+  }
+
+  // visit(node, piece) of the nodes that move.
+  template <typename Visit>
+  void each_node(const Visit& visit) const {
+    for (int n = 0; n < model_.node_count(); ++n)
+      if (pieces_.of_node[n] >= 0 && !model_.fixed[n]) visit(n, pieces_.of_node[n]);
   }
 
  private:
+  template <typename Motion>
+  VecX kinetic(const Motion& motion) const {
+    VecX sum = VecX::Zero(pieces_.count());
+    each_node([&](int n, int p) { sum[p] += 0.5 * state_.mass[n] * motion(n).squaredNorm() / (h_ * h_); });
+    return sum;
+  }
+  VecX work(const VecX& dx) const {
+    VecX sum = VecX::Zero(pieces_.count());
+    each_node([&](int n, int p) { sum[p] += f_.segment<3>(3 * n).dot(dx.segment<3>(3 * n)); });
+    return sum;
+  }
+  // The energy of a strain that is nothing but rounding: at rest there is no other scale [J].
+  VecX strain_of_rounding() const {
+    constexpr double strain = 1e-9, to_scale = 1 / solve_error;
+    VecX volume = VecX::Zero(pieces_.count());
+    for (int t = 0; t < model_.tet_count(); ++t)
+      if (pieces_.of_tet[t] >= 0) volume[pieces_.of_tet[t]] += model_.volume[t];
+    return to_scale * strain * strain * (2 * model_.material.mu() + model_.material.lambda()) * volume;
+  }
+
   const TissueModel& model_;
   const TissueState& state_;
-  VecX base_, rest_;
-  double base_energy_, moving_, work_;
+  const Pieces& pieces_;
+  const VecX& f_;
+  const double h_;
+  VecX scale_, allowed_;
 };
 
 }  // namespace
@@ -79,40 +98,72 @@ double kinetic_energy(const TissueModel& model, const TissueState& state) noexce
   return 0.5 * sum;
 }
 
-EnergyBound bound_energy(const TissueModel& model, const TissueState& state, double elastic, VecX& dx,
-                         const VecX& f, double h) {
-  const double before = kinetic_energy(model, state) + elastic,
-               scale = before + std::abs(f.dot(dx)) + strain_of_rounding(model),
-               allowed = before + solve_error * scale;
-  VecX base = VecX::Zero(dx.size());
-  const Bounding about_rest(model, state, base, dx, f, h, allowed);
-  auto over = about_rest.at(1);
-  if (over.holds()) return {1, over.elastic, 0};
-  const double made = over.excess / scale;
-  const Vec3 mean = mean_motion(model, state, dx);
-  for (int n = 0; n < model.node_count(); ++n)
-    if (state.live_tets_of_node[n] > 0 && !model.fixed[n]) base.segment<3>(3 * n) = mean;
-  const Bounding about_mean(model, state, base, dx, f, h, allowed);
-  const Bounding& bounding = about_mean.at(0).holds() ? about_mean : about_rest;
-  auto kept = bounding.at(0);
-  if (!kept.holds()) kept = {0, elastic, 0};
-  for (int k = 0; k < most_halvings && kept.share == 0; ++k) {
-    const auto half = bounding.at(0.5 * over.share);
-    (half.holds() ? kept : over) = half;
+EnergyBound bound_energy(const TissueModel& model, const TissueState& state, const Pieces& pieces,
+                         const VecX& elastic, VecX& dx, const VecX& f, double h) {
+  const Bounding bounding(model, state, pieces, elastic, dx, f, h);
+  Bounding::End over = bounding.after(dx);
+  EnergyBound bound;
+  std::vector<int> making;
+  for (int p = 0; p < pieces.count(); ++p)
+    if (!over.holds(p)) {
+      making.push_back(p);
+      bound.made = std::isfinite(over.excess[p]) ? std::max(bound.made, bounding.relative(over.excess, p))
+                                                 : std::numeric_limits<double>::infinity();
+    }
+  if (making.empty()) {
+    bound.elastic = std::move(over.elastic);
+    return bound;
   }
+
+  // Of a piece that makes energy base + θ (Δx − base) is kept; base: its mean motion, or nothing if even that
+  // is too much.
+  const VecX whole = dx;
+  VecX base = bounding.mean_motion(whole);
+  VecX least = VecX::Ones(pieces.count()), most = least;  // θ: what holds, and what does not
+  for (const int p : making) least[p] = 0;
+  const auto motion = [&](const VecX& share) {
+    VecX part = whole;
+    bounding.each_node([&](int n, int p) {
+      if (share[p] == 0)
+        part.segment<3>(3 * n) = base.segment<3>(3 * n);
+      else if (share[p] < 1)
+        part.segment<3>(3 * n) = base.segment<3>(3 * n) + share[p] * (whole - base).segment<3>(3 * n);
+    });
+    return part;
+  };
+  Bounding::End kept = bounding.after(motion(least));
+  bounding.each_node([&](int n, int p) {
+    if (least[p] == 0 && !kept.holds(p)) base.segment<3>(3 * n).setZero();
+  });
+  for (const int p : making)
+    if (!kept.holds(p)) {
+      kept.elastic[p] = elastic[p];
+      kept.excess[p] = 0;
+    }
+  const auto try_shares = [&](const VecX& share) {
+    const Bounding::End next = bounding.after(motion(share));
+    for (const int p : making) {
+      if (share[p] == least[p]) continue;
+      Bounding::End& end = next.holds(p) ? kept : over;
+      (next.holds(p) ? least : most)[p] = share[p];
+      end.elastic[p] = next.elastic[p];
+      end.excess[p] = next.excess[p];
+    }
+  };
+  for (int k = 0; k < most_halvings && (least.array() == 0).any(); ++k)
+    try_shares((least.array() == 0).select(0.5 * most, least));
   // The excess is convex where E is, so a chord ends below it: a small excess costs a small part of the
   // motion.
-  for (int k = 0; k < chords && kept.share > 0; ++k) {
-    const double part = kept.excess / (kept.excess - over.excess);
-    const auto next = bounding.at(kept.share + (over.share - kept.share) * part);
-    (next.holds() ? kept : over) = next;
+  for (int k = 0; k < chords && (least.array() > 0).any(); ++k) {
+    VecX share = least;
+    for (const int p : making)
+      if (least[p] > 0) share[p] += (most[p] - least[p]) * kept.excess[p] / (kept.excess[p] - over.excess[p]);
+    try_shares(share);
   }
-  // 0 · NaN is no zero.
-  if (kept.share > 0 || &bounding == &about_mean)
-    dx = bounding.motion(kept.share);
-  else
-    dx.setZero();
-  return {kept.share, kept.elastic, made};
+  dx = motion(least);
+  bound.share = least.minCoeff();
+  bound.elastic = std::move(kept.elastic);
+  return bound;
 }
 
 }  // namespace hapticd

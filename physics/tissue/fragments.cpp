@@ -86,6 +86,22 @@ std::vector<int> label_pieces(const TissueModel& model, const TissueState& state
   return numbered(state, parent, [&](int t) { return model.mesh.tets[t][0]; });
 }
 
+Pieces find_pieces(const TissueModel& model, const TissueState& state) {
+  Pieces pieces;
+  pieces.of_tet = label_pieces(model, state);
+  pieces.of_node.assign(model.mesh.nodes.size(), -1);
+  for (std::size_t t = 0; t < pieces.of_tet.size(); ++t) {
+    const int p = pieces.of_tet[t];
+    if (p < 0) continue;
+    if (p >= pieces.count()) pieces.held.resize(static_cast<std::size_t>(p) + 1, 0);
+    for (const int n : model.mesh.tets[t]) {
+      pieces.of_node[n] = p;
+      if (model.fixed[n]) pieces.held[p] = 1;
+    }
+  }
+  return pieces;
+}
+
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state) {
   const std::vector<int> label = label_fragments(model, state);
   std::vector<Fragment> fragments;

@@ -24,6 +24,14 @@ struct Fragment {
 std::vector<int> label_fragments(const TissueModel& model, const TissueState& state);
 std::vector<int> label_pieces(const TissueModel& model, const TissueState& state);
 
+// The pieces, tetrahedra and nodes numbered; -1 for removed tetrahedra and nodes that have none left.
+struct Pieces {
+  std::vector<int> of_tet, of_node;
+  std::vector<char> held;  // some node of it is fixed
+  int count() const noexcept { return static_cast<int>(held.size()); }
+};
+Pieces find_pieces(const TissueModel& model, const TissueState& state);
+
 // The fragments themselves, indexed by their labels.
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state);
 

@@ -6,10 +6,12 @@
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
+namespace {
 
-double stored_energy(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
+// add(t, energy) of each live tetrahedron.
+template <typename Add>
+void each_energy(const TissueModel& model, const TissueState& state, const VecX& dx, const Add& add) noexcept {
   const double mu = model.material.mu(), lambda = model.material.lambda();
-  double energy = 0;
   each_eight(model, state, [&](const int* tet, int count) {
     Lanes3x4 x, moved, g;
     Lanes3x3 F;
@@ -31,11 +33,25 @@ double stored_energy(const TissueModel& model, const TissueState& state, const V
     for (int l = 0; l < count; ++l) {
       const Mat3 of = F.matrix(l);
       const Mat3 strained = model.corotational ? of : Mat3(0.5 * (of + of.transpose()));
-      energy += element_energy(strained, R[l], model.volume[tet[l]], mu, lambda);
+      double energy = element_energy(strained, R[l], model.volume[tet[l]], mu, lambda);
       if (model.corotational && model.material.law == Law::guarded) energy += guard_energy(model, tet[l], of);
+      add(tet[l], energy);
     }
   });
-  return energy;
+}
+
+}  // namespace
+
+double stored_energy(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
+  double sum = 0;
+  each_energy(model, state, dx, [&](int, double energy) { sum += energy; });
+  return sum;
+}
+
+void stored_energies(const TissueModel& model, const TissueState& state, const Pieces& pieces, const VecX& dx,
+                     VecX& energy) noexcept {
+  energy.setZero();
+  each_energy(model, state, dx, [&](int t, double of_tet) { energy[pieces.of_tet[t]] += of_tet; });
 }
 
 }  // namespace hapticd

@@ -7,10 +7,14 @@
 // elastic_energy (tissue.h) at Δx = 0. Units: m, J. Shapes: Δx 3·nodes entries. Guarantee: no allocation.
 #pragma once
 
-#include "physics/tissue/tissue.h"
+#include "physics/tissue/fragments.h"
 
 namespace hapticd {
 
 double stored_energy(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept;
+
+// Of each piece; `energy` has pieces.count() entries.
+void stored_energies(const TissueModel& model, const TissueState& state, const Pieces& pieces, const VecX& dx,
+                     VecX& energy) noexcept;
 
 }  // namespace hapticd

@@ -2,17 +2,18 @@
 //
 //   every 1 ms:  read → send → wait for the answer until the millisecond is over → write
 //
-// What is done for you: stamps and numbers; arming, and arming again after a silence (not after a latch:
-// that takes `enable` false, then true, from you); forces that answer another client are not felt, nor those
-// of a second daemon; each force is within the device's limits, in size and in change. It goes to zero at the
-// slew limit, and stays there, when a second daemon is heard. It is zero at once when none has come for 9 ms,
-// when one is not finite, and as the last thing written, whatever ends the run: a signal, a failing device,
-// an exception of yours, exit(), an abort or a crash in any thread (ending.h). What SIGKILL leaves standing
-// the device's own electronics must drop. Units: m, N, N·m. Device frame: the device's own, the scene maps it
-// (config/README.md, `mapping`). Threads: read and write are called on the thread that calls run_driver.
-// Guarantee: no allocation of its own between two slots; SCHED_FIFO where it is granted. After a crash in
-// another thread `write` may be called on that one. Errors: run_driver throws std::invalid_argument (no
-// device named), InputError (its file, keys), std::runtime_error (DDS), and what read or write throw.
+// The library does stamps and numbers. It arms, and arms again after a silence; after a latch you must send
+// `enable` false, then true. It ignores forces that answer another client and forces of a second daemon.
+// Each force is within the device's limits, in size and in change. The force goes to zero within the slew
+// limit and stays there while a second daemon is heard. It is zero at once when none has come for 9 ms or
+// one is not finite, and zero is the last thing written when the run ends: by a signal, a failing device, an
+// exception of yours, exit(), an abort or a crash in any thread (ending.h). After SIGKILL the last force
+// stands in the device, and its own electronics must drop it. Units: m, N, N·m. The device frame is the
+// device's own; the scene maps it (config/README.md, `mapping`). Threads: read and write are called on the
+// thread that calls run_driver; after a crash in another thread `write` may be called on that one.
+// Guarantee: no allocation of its own between two slots; SCHED_FIFO where it is granted. Errors: run_driver
+// throws std::invalid_argument (no device named), InputError (its file, keys), std::runtime_error (DDS), and
+// what read or write throw.
 #pragma once
 
 #include <array>

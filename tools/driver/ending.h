@@ -1,12 +1,11 @@
-// What may end a driver's process, and the zero that its device feels before it does.
+// Writes zero to the device before the driver's process ends.
 //
-//   SIGINT, SIGTERM, SIGHUP                  asked() is true from then on, and the run ends by itself
-//   SIGABRT (std::terminate, an assertion, a library that gives up), SIGSEGV, SIGBUS, SIGFPE, SIGILL, exit()
-//     in the driver's thread                 zero is written at once
-//     in another thread                      the run is asked to end; after 10 ms zero is written in its
-//     place
+//   SIGINT, SIGTERM, SIGHUP        asked() is true from then on, and the run ends by itself
+//   SIGABRT (std::terminate, an assertion, a library), SIGSEGV, SIGBUS, SIGFPE, SIGILL, exit()
+//     in the driver's thread       zero is written at once
+//     in another thread            the run is asked to end; after 10 ms zero is written in its place
 //
-// A process whose device's write hangs then is ended by SIGALRM after a second. SIGKILL leaves what stands.
+// If the device's write hangs then, SIGALRM ends the process after a second. SIGKILL leaves the last force.
 // Thread safety: made, told `at_zero` and destroyed by the thread that writes; one at a time in a process.
 #pragma once
 

@@ -3,10 +3,10 @@
 //   feel:    the newest force that answers a state of ours, within the device's limits (haptic/limits.h):
 //              ‖F‖ ≤ max_force, ‖τ‖ ≤ max_torque, all changes in one slot together ≤ max_force_rate · 1 ms
 //            to zero within that rate, latched, while a second daemon is heard (`slot`)
-//            zero at once where no force came for 9 ms, so that no device holds one for longer than 10 ms,
-//            and where one is not finite
-//   enable:  false for the first 50 ms, then what the reading says; but when the daemon has kept the device
-//            disarmed for 300 ms without a latch, false for 20 ms, so that it sees an edge and arms again
+//            zero at once where a force is not finite, and where none came for 9 ms, so that no device holds
+//            one for longer than 10 ms
+//   enable:  false for the first 50 ms, then what the reading says. If the daemon keeps the device disarmed
+//            for 300 ms without a latch: false for 20 ms, so that the daemon sees an edge and arms again
 //
 // Time: monotonic ns. Guarantee: noexcept, no allocation, wait-free.
 #pragma once

@@ -1,4 +1,4 @@
-// Not a test: prints what README.md's table quotes. Run by
+// Not a test: prints the table of physics/compliance/MEASURED.md. Run by
 //   test_physics --gtest_also_run_disabled_tests --gtest_filter='*Timing*'
 #include <gtest/gtest.h>
 

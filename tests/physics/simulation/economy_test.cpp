@@ -134,7 +134,7 @@ double median_step_us(World& world, const InstrumentSample& sample) {
   return us[us.size() / 2];
 }
 
-// Not a test: prints physics/README.md's table. Run by
+// Not a test: prints a table of physics/MEASURED.md. Run by
 //   test_physics --gtest_also_run_disabled_tests --gtest_filter='*EconomyTiming*'
 TEST(EconomyTiming, DISABLED_WhatATermCosts) {
   const auto row = [](const char* what, double us) { std::printf("%-60s %9.1f us\n", what, us); };

@@ -74,7 +74,7 @@ def live(browser):
     figures['states_per_second'] = round((b['states'] - a['states']) / spent / 2, 1)
     figures['pixel_ratio'] = round(b['ratio'], 2)
     picture(browser, 'during')
-    # How many is a matter of what else runs here (README).
+    # How many is a matter of what else runs here (tools/view/MEASURED.md).
     check('frames_come', b['frames'] - a['frames'] > 2 * spent)
     check('force_strip_moves', b['blocks'] > a['blocks'] and b['force'] > 0, [b['blocks'] - a['blocks'], round(b['force'], 3)])
     check('cut_triangles', b['cut'] > 20, b['cut'])
