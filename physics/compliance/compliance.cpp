@@ -2,7 +2,7 @@
 
 #include <stdexcept>
 
-#include "physics/compliance/warped_compliance.h"
+#include "physics/compliance/reference/warped_compliance.h"
 
 namespace hapticd {
 

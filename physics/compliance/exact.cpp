@@ -4,9 +4,9 @@
 #include <string>
 #include <type_traits>
 
-#include "physics/compliance/cholmod_factor.h"
 #include "physics/compliance/compliance.h"
-#include "physics/compliance/multifrontal_factor.h"
+#include "physics/compliance/factor/cholmod_factor.h"
+#include "physics/compliance/factor/multifrontal_factor.h"
 #include "physics/compliance/patch_inverse.h"
 #include "physics/compliance/residual.h"
 

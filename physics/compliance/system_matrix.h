@@ -13,7 +13,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "physics/compliance/node_order.h"
+#include "physics/compliance/factor/node_order.h"
 #include "physics/tissue/tissue.h"
 
 namespace hapticd {

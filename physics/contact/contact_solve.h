@@ -32,8 +32,8 @@
 // Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 
-#include "physics/contact/coulomb.h"
 #include "physics/contact/rows.h"
+#include "physics/contact/solver/coulomb.h"
 
 namespace hapticd {
 

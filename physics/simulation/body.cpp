@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "physics/simulation/energy_bound.h"
+#include "physics/simulation/step/energy_bound.h"
 #include "physics/tissue/stored_energy.h"
 #include "physics/tissue/tetrahedron.h"
 

@@ -16,7 +16,7 @@
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
 #include "physics/simulation/body.h"
-#include "physics/simulation/collision.h"
+#include "physics/simulation/body_contact/collision.h"
 
 namespace hapticd {
 

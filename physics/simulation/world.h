@@ -31,12 +31,12 @@
 
 #include "physics/contact/contact_solve.h"
 #include "physics/simulation/body.h"
-#include "physics/simulation/body_contact.h"
-#include "physics/simulation/collision.h"
-#include "physics/simulation/interim.h"
+#include "physics/simulation/body_contact/body_contact.h"
+#include "physics/simulation/body_contact/collision.h"
 #include "physics/simulation/patch.h"
-#include "physics/simulation/removal.h"
-#include "physics/simulation/way_ahead.h"
+#include "physics/simulation/step/interim.h"
+#include "physics/simulation/step/removal.h"
+#include "physics/simulation/step/way_ahead.h"
 
 namespace hapticd {
 
@@ -56,7 +56,7 @@ struct WorldSettings {
   // Where in its use a published problem is best: this long after its pose was latched [s]; 0: at that pose.
   // Only for renewed contact, and not where bodies touch one another.
   double lead = 0;
-  // For comparison only (tools/offline_run.h): the paper keeps the pose of the step's start, and publishes
+  // For comparison only (tools/offline/offline_run.h): the paper keeps the pose of the step's start, and publishes
   // the free motion that the step began with.
   bool newest_pose = true;
   bool fresh_free_motion = true;

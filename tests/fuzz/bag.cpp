@@ -1,8 +1,8 @@
 #include <algorithm>
 
-#include "server/bag_reader.h"
-#include "server/input_error.h"
-#include "server/ros2_messages.h"
+#include "server/files/input_error.h"
+#include "server/record/bag_reader.h"
+#include "server/record/ros2_messages.h"
 #include "tests/fuzz/targets.h"
 
 namespace hapticd {

@@ -1,8 +1,8 @@
 #include "physics/tissue/mesh_quality.h"
 #include "physics/tissue/surface.h"
-#include "server/input_error.h"
-#include "server/mesh_reader.h"
-#include "server/mesh_repair.h"
+#include "server/files/input_error.h"
+#include "server/mesh/mesh_reader.h"
+#include "server/mesh/mesh_repair.h"
 #include "tests/fuzz/targets.h"
 
 namespace hapticd {

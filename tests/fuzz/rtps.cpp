@@ -1,4 +1,4 @@
-#include "server/rtps_check.h"
+#include "server/dds/rtps_check.h"
 
 #include <vector>
 

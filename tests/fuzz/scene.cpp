@@ -1,11 +1,11 @@
-#include "server/scene_reader.h"
+#include "server/scene/scene_reader.h"
 
 #include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 
-#include "server/input_error.h"
+#include "server/files/input_error.h"
 #include "tests/fuzz/targets.h"
 
 namespace hapticd {

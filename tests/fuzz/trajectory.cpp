@@ -1,6 +1,6 @@
-#include "server/trajectory_reader.h"
+#include "server/record/trajectory_reader.h"
 
-#include "server/input_error.h"
+#include "server/files/input_error.h"
 #include "tests/fuzz/targets.h"
 
 namespace hapticd {

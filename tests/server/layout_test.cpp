@@ -69,7 +69,7 @@ TEST(Layout, ServerDoesNotSeeTools) {
 TEST(Layout, TheDevicePortDoesNotLog) {
   for (const Include& i : includes_of("server"))
     if (i.file.stem() == "device_bridge" || i.file.stem() == "force_reader" || i.file.stem() == "dds") {
-      EXPECT_NE(i.target, "server/log.h") << i.file;
+      EXPECT_NE(i.target, "server/observe/log.h") << i.file;
     }
 }
 
@@ -81,8 +81,8 @@ TEST(Layout, DriverSeesOnlyTheWireAndItsDevicesLimits) {
       EXPECT_EQ(i.target, "haptic/limits.h") << i.file;
     }
     if (i.target.starts_with("server/")) {
-      EXPECT_TRUE(i.target == "server/force_reader.h" || i.target == "server/realtime.h" ||
-                  i.target == "server/device_reader.h" || i.target == "server/paths.h")
+      EXPECT_TRUE(i.target == "server/dds/force_reader.h" || i.target == "server/os/realtime.h" ||
+                  i.target == "server/scene/device_reader.h" || i.target == "server/files/paths.h")
           << i.file << " includes " << i.target;
     }
     if (i.target.starts_with("tools/")) {

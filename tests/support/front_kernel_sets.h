@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "physics/compliance/front_kernels.h"
+#include "physics/compliance/factor/front_kernels.h"
 
 namespace hapticd {
 

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "server/device_bridge.h"
+#include "server/dds/device_bridge.h"
 
 namespace hapticd {
 

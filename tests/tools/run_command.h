@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "server/realtime.h"
+#include "server/os/realtime.h"
 
 namespace hapticd {
 

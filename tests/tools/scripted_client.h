@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "haptic/loop.h"
-#include "server/force_reader.h"
+#include "server/dds/force_reader.h"
 
 namespace hapticd {
 

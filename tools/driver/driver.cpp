@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <optional>
 
-#include "server/device_reader.h"
-#include "server/force_reader.h"
-#include "server/paths.h"
-#include "server/realtime.h"
+#include "server/dds/force_reader.h"
+#include "server/files/paths.h"
+#include "server/os/realtime.h"
+#include "server/scene/device_reader.h"
 #include "tools/driver/ending.h"
 #include "tools/driver/force_watch.h"
 

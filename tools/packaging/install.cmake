@@ -10,7 +10,7 @@ install(TARGETS hapticd haptic_tool RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} 
 install(DIRECTORY config/scenes config/devices config/charts config/dds DESTINATION ${DATA} COMPONENT runtime
         USE_SOURCE_PERMISSIONS PATTERN "*.pem" EXCLUDE PATTERN "*.key" EXCLUDE)
 install(FILES idl/device.idl idl/scene.idl idl/ros2.idl idl/README.md DESTINATION ${DATA}/idl COMPONENT runtime)
-file(GLOB SCRIPTS CONFIGURE_DEPENDS tools/plot_*.py tools/chart_report.py)
+file(GLOB SCRIPTS CONFIGURE_DEPENDS tools/plot/plot_*.py tools/plot/chart_report.py)
 install(FILES ${SCRIPTS} DESTINATION ${DATA}/scripts COMPONENT runtime)
 install(DIRECTORY tools/view/page/ DESTINATION ${DATA}/view COMPONENT runtime)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
@@ -55,9 +55,10 @@ set_target_properties(haptic_driver PROPERTIES EXPORT_NAME driver)
 install(TARGETS hapticd_flags physics limits haptic idl wire device_file haptic_driver EXPORT hapticdTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/hapticd COMPONENT development)
 install(DIRECTORY physics haptic DESTINATION ${HEADERS} COMPONENT development FILES_MATCHING PATTERN "*.h")
-install(FILES server/dds.h server/dds_security.h server/realtime.h DESTINATION ${HEADERS}/server COMPONENT development)
+install(FILES server/dds/dds.h server/dds/dds_security.h DESTINATION ${HEADERS}/server/dds COMPONENT development)
+install(FILES server/os/realtime.h DESTINATION ${HEADERS}/server/os COMPONENT development)
 install(FILES tools/driver/driver.h DESTINATION ${HEADERS}/tools/driver COMPONENT development)
-install(CODE "execute_process(COMMAND ${CMAKE_COMMAND} -DFROM=${CMAKE_BINARY_DIR} -DTO=${CMAKE_BINARY_DIR}/idl_headers
+install(CODE "execute_process(COMMAND ${CMAKE_COMMAND} -DFROM=${CMAKE_BINARY_DIR}/idl -DTO=${CMAKE_BINARY_DIR}/idl_headers
                               -P ${HERE}/idl_headers.cmake COMMAND_ERROR_IS_FATAL ANY)" COMPONENT development)
 install(FILES ${CMAKE_BINARY_DIR}/idl_headers/device.h ${CMAKE_BINARY_DIR}/idl_headers/scene.h
         DESTINATION ${HEADERS}/idl COMPONENT development)
@@ -72,6 +73,7 @@ configure_package_config_file(${HERE}/hapticdConfig.cmake.in ${CMAKE_BINARY_DIR}
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/hapticdConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(EXPORT hapticdTargets NAMESPACE hapticd:: DESTINATION ${PACKAGE} COMPONENT development)
 install(FILES ${CMAKE_BINARY_DIR}/hapticdConfig.cmake ${CMAKE_BINARY_DIR}/hapticdConfigVersion.cmake
+              ${HERE}/FindCHOLMOD.cmake ${HERE}/FindOpenBLAS.cmake
         DESTINATION ${PACKAGE} COMPONENT development)
 
 # Packages.

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "server/dds.h"
+#include "server/dds/dds.h"
 #include "tools/view/scene.h"
 
 namespace hapticd {

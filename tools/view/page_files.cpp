@@ -1,7 +1,7 @@
 #include "tools/view/page_files.h"
 
-#include "server/input_error.h"
-#include "server/paths.h"
+#include "server/files/input_error.h"
+#include "server/files/paths.h"
 
 namespace hapticd {
 namespace {

@@ -12,9 +12,9 @@
 #include <set>
 #include <thread>
 
-#include "server/host_name.h"
-#include "server/realtime.h"
-#include "tools/command.h"
+#include "server/os/host_name.h"
+#include "server/os/realtime.h"
+#include "tools/cli/command.h"
 
 namespace hapticd {
 namespace {

@@ -6,14 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "server/bag_reader.h"
-#include "server/diagnostics.h"
-#include "server/health.h"
-#include "server/scene_describe.h"
-#include "server/scene_reader.h"
-#include "server/trajectory_reader.h"
-#include "tools/command.h"
-#include "tools/offline_replay.h"
+#include "server/observe/diagnostics.h"
+#include "server/observe/health.h"
+#include "server/record/bag_reader.h"
+#include "server/record/trajectory_reader.h"
+#include "server/scene/scene_describe.h"
+#include "server/scene/scene_reader.h"
+#include "tools/cli/command.h"
+#include "tools/client/offline_replay.h"
 #include "tools/view/live.h"
 #include "tools/view/scene.h"
 

@@ -8,7 +8,7 @@
 
 #include "haptic/channel.h"
 #include "haptic/loop.h"
-#include "tools/hand_source.h"
+#include "tools/client/hand_source.h"
 
 namespace hapticd {
 namespace {

@@ -15,7 +15,7 @@
 #include <string>
 
 #include "physics/types.h"
-#include "server/dds.h"
+#include "server/dds/dds.h"
 #include "tools/view/outbox.h"
 
 namespace hapticd {

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "tools/tissue_analytic.h"
-#include "tools/tissue_hertz.h"
+#include "tools/chart/tissue/tissue_analytic.h"
+#include "tools/chart/tissue/tissue_hertz.h"
 
 namespace hapticd {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "tools/tissue_check.h"
+#include "tools/chart/tissue/tissue_check.h"
 
 namespace hapticd {
 namespace {

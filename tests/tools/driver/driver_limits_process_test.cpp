@@ -11,8 +11,8 @@
 
 #include <gtest/gtest.h>
 
-#include "server/input_error.h"
-#include "server/paths.h"
+#include "server/files/input_error.h"
+#include "server/files/paths.h"
 #include "tests/support/process.h"
 #include "tests/tools/fake_daemon.h"
 #include "tests/tools/run_command.h"

@@ -14,9 +14,9 @@
 #include <mutex>
 #include <thread>
 
-#include "server/input_error.h"
+#include "server/files/input_error.h"
 #include "tests/tools/run_command.h"
-#include "tools/command.h"
+#include "tools/cli/command.h"
 
 namespace hapticd {
 namespace {

@@ -8,7 +8,7 @@
 #include <cstring>
 #include <map>
 
-#include "server/diagnostics.h"
+#include "server/observe/diagnostics.h"
 #include "tests/support/mesh_shapes.h"
 
 namespace hapticd {

@@ -58,7 +58,7 @@ export function line(canvas, values, step, seconds, most, unit) {
   g.stroke();
 }
 
-// counts in the bins of server/health.h; begins: each bin's beginning [µs].
+// counts in the bins of server/observe/health.h; begins: each bin's beginning [µs].
 export function histogram(canvas, counts, begins, ticks) {
   const { g, w, h } = begin(canvas), bottom = 14;
   const most = Math.max(...counts, 1);

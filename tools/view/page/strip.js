@@ -8,7 +8,7 @@ const PARTS = ['publish', 'collision', 'assembly', 'factor', 'free motion', 'con
 const PART_COLOURS = PARTS.map((_, i) => css(cividis((i + 0.5) / PARTS.length)));
 const TICKS = [[10, '10 µs'], [100, '100'], [1000, '1 ms'], [10000, '10']];
 
-// The bins of server/health.h, in µs.
+// The bins of server/observe/health.h, in µs.
 const BEGINS = [0];
 for (let q = 0; q < 56; ++q) BEGINS.push(2 ** (10 + Math.floor(q / 4)) * (1 + (q % 4) / 4) / 1000);
 

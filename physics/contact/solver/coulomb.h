@@ -1,0 +1,163 @@
+// Contact with Coulomb friction: a nonlinear complementarity problem with the *circular* cone, solved by
+// block Gauss-Seidel with an exact local solve of each 3×3 contact, finished by a reduced Newton.
+//
+//   δ = (W + ε D) λ + q;   per contact: 0 ≤ δ_n ⟂ λ_n ≥ 0,  ‖λ_t‖ ≤ μ λ_n,
+//   sliding: δ_t = −c λ_t with c > 0 and ‖λ_t‖ = μ λ_n
+//   D_i = tr W_ii / 3 · I per contact (isotropic, so that the tangents' choice cannot matter)
+//
+// Local solve: open if q_n ≥ 0; stick if −W_ii⁻¹ q lies in the cone; else slip, one scalar root
+// ‖λ_t(c)‖ = μ λ_n(c) by safeguarded Newton on the 2×2 Schur complement's eigenbasis.
+// Newton: y = λ − ρ δ, ρ_i = 3/tr W_ii sorts the contacts (Alart and Curnier 1991): open y_n ≤ 0, no
+// unknown; stick ‖y_t‖ ≤ μ y_n, three unknowns, δ = 0; slip, two: λ_n and a turn τ of λ_t = μ λ_n d;
+// δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n): the semi-smooth Newton step, without the
+// unknowns that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also
+// from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's residual squared, falls,
+// after halvings if need be; where it does not, some are taken without asking, for a direction of slip that
+// turns far raises the merit before it falls; a merit 1e5 times as large ends that. Then the same with a
+// shifted Jacobian, the shift shrinking as steps serve; with steps held in the cones, whose pulled contacts
+// leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
+// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where Newton stalls, shifted
+// too, on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
+// the result says so; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more
+// round with the budgets again. An open contact costs one comparison in a sweep. Deadline: looked at after
+// every sweep and before every LU, whose cost is predicted from the last ones. Newton ends in time for two
+// sweeps from wherever its steps are, also those taken without asking: sums of forces, and so wrenches, are
+// right after one or two steps, long before the residual falls, and a sweep keeps them, where cutting a raw
+// step off at the cones may change them by 1 %. δ_t is the slip over the solve's period (m), W [m/N], λ [N];
+// rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others. Existence: for every SPD
+// W and q with W positive definite a solution of the local problem exists; for the whole, where some motion
+// opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not where a motion jams (Painlevé).
+// Uniqueness is not claimed for large μ. Status and residual are those of the λ returned. Residual: natural
+// map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ / scale, de Saxcé's correction. Errors: a status.
+// `iteration_cap`, `deadline`: λ is, by residual, the best that a sweep has left; `not_finite` (NaN or
+// infinity in W, q or μ, a negative μ, q beyond 1e150) and `too_large` (more contacts than the workspace was
+// made for): λ is zero. A warm start of more than 1e6 times the free gaps' forces is dropped: its rounding
+// would be taken for an answer. Guarantee: no allocation, wait-free, bounded by 2 max_sweeps × contacts² and
+// 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a product of W.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "physics/contact/solver/deadline.h"
+#include "physics/contact/solver/lcp.h"
+#include "physics/contact/solver/small_factors.h"
+
+namespace hapticd {
+
+constexpr double inside_the_cone = 1 - 1e-6;  // a contact sticks with ‖λ_t‖ / (μ λ_n) below this …
+constexpr double sticking_slip = 1e-6;        // … or with less slip than this, of tr W_ii/3 · ‖λ_i‖
+
+struct CoulombOptions {
+  double tolerance = 1e-8;  // on the residual
+  double relative_diagonal = 1e-9;
+  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 solves after
+  int max_sweeps = 200;
+  int max_newton = 300;  // steps in all; 0: sweeps only
+  Deadline deadline;
+};
+
+struct CoulombResult {
+  SolveStatus status = SolveStatus::solved;
+  int sweeps = 0;
+  int newton = 0;  // steps tried
+  int factorisations = 0;
+  int active = 0;  // contacts with λ_n > 0
+  int sliding = 0;
+  double residual = 0;  // of W + ε D with …
+  double relative_diagonal = 0;
+};
+
+// One contact's matrix, prepared for many right-hand sides.
+class CoulombContact {
+ public:
+  CoulombContact() = default;
+  CoulombContact(const Mat3& A, double mu) noexcept;  // A symmetric positive definite
+
+  // λ for the free gap b.
+  Vec3 solve(const Vec3& b) const noexcept;
+
+ private:
+  Vec3 slip(const Vec3& b) const noexcept;
+
+  Mat3 inverse_ = Mat3::Zero();
+  Eigen::Vector2d to_n_ = Eigen::Vector2d::Zero();       // A_tn / A_nn
+  Eigen::Matrix2d basis_ = Eigen::Matrix2d::Identity();  // eigenvectors of S = A_tt − A_tn A_nt / A_nn
+  Eigen::Vector2d eigenvalue_ = Eigen::Vector2d::Zero();
+  double a_nn_ = 0;
+  double mu_ = 0;
+};
+
+// A contact in the reduced system.
+enum class ContactMode : std::uint8_t { open, stick, slip, frictionless };
+
+struct ReducedContact {
+  int contact;
+  int first;  // its unknowns start here
+  ContactMode mode;
+  double d1, d2;    // slip: the direction d of λ_t
+  double lambda_n;  // slip: at the base point
+  double c;         // slip: (‖y_t‖ − μ y_n) / (ρ μ y_n), how much δ_t turns with λ_t
+
+  int count() const noexcept { return mode == ContactMode::stick ? 3 : mode == ContactMode::slip ? 2 : 1; }
+};
+
+// The LU that is kept.
+struct CoulombFactor {
+  explicit CoulombFactor(int most);
+
+  std::uint64_t version = 0;  // of W; 0: none
+  int contacts = 0;
+  int size = 0;
+  double epsilon = 0;
+  std::vector<ContactMode> mode;
+  std::vector<int> pivot;
+  std::vector<double> lu;
+  double pivot_ratio = 1;    // of the least to the largest of the last LU: small where hyperstatic
+  double ns_per_flop = 0.1;  // of the last ones, where there was a clock
+};
+
+// One owner. Made for so many contacts at the most, and allocated then: 0.8 MB for those of the haptic loop.
+struct CoulombWorkspace {
+  explicit CoulombWorkspace(int contacts = max_contacts);
+
+  int capacity;                        // contacts
+  std::vector<CoulombContact> local;   // per contact
+  std::vector<std::uint8_t> prepared;  // local holds this solve's matrix
+  std::vector<double> rho;
+  std::vector<ReducedContact> reduced;
+  std::vector<ContactMode> mode;
+  std::vector<double> delta;  // per row
+  std::vector<double> best;
+  std::vector<double> swept;  // the best that a sweep has left
+  std::vector<double> start;
+  std::vector<double> turning_point;
+  std::vector<double> start_delta;
+  std::vector<double> trial;
+  std::vector<double> trial_delta;
+  std::vector<double> column;
+  std::vector<double> step;
+  std::vector<double> anchor;  // forces that a raised diagonal is counted from
+  CoulombFactor factor;
+  std::uint64_t finite_version = 0;  // of the last W that was seen to be finite; 0: none
+  int raised = 0;                    // solves still to come with the raised diagonal
+};
+
+// One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.
+Vec3 solve_coulomb_contact(const Mat3& A, const Vec3& b, double mu) noexcept;
+
+// Projection onto the cone ‖t‖ ≤ μ n.
+Vec3 project_on_cone(const Vec3& v, double mu) noexcept;
+
+// Natural-map residual for δ = W λ + q, relative to max(max‖λ_i‖, max‖q_i‖·ρ_i).
+double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
+                        const Eigen::Ref<const VecX>& lambda, std::span<const double> mu) noexcept;
+
+// lambda is read as warm start and left as the best iterate.
+// matrix_version: equal nonzero values in solves with one workspace promise an unchanged W (and contacts);
+// 0: W is new.
+CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
+                            std::span<const double> mu, Eigen::Ref<VecX> lambda, CoulombWorkspace& workspace,
+                            std::uint64_t matrix_version, const CoulombOptions& options) noexcept;
+
+}  // namespace hapticd

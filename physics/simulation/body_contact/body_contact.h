@@ -1,0 +1,204 @@
+// Contact between bodies: rows, W, solve, and their elimination from the patch that the instrument feels.
+//
+//   rows of all touches (n, t₁, t₂):  H = Fᵀ (E_node − Σ w_c E_c),  W = Σ_bodies H C Hᵀ
+//   δ = W λ + δ_free + H C f,  0 ≤ δ_n ⟂ λ_n ≥ 0,  ‖λ_t‖ ≤ μ λ_n          (f: the instrument's force, given)
+//   δ_n,free = gap(x_lin) + n·(relative x_free − x_lin) − allowed,   allowed = min(0, gap_start + v h)
+//   δ_t,free = Tᵀ(relative x_free − x_start): slip over the step
+//
+// Elimination, with A the rows that are closed (normals) or stick (tangents), D = mean diagonals, ε = 1e-9:
+//   C'_pp    = C_pp − Yᵀ (A W Aᵀ + εD)⁻¹ Y,   Y = A H C_bp
+//   x'_free  = x_free + C_pb Hᵀ λ + (C_pp − C'_pp) f
+// so what is published feels the other bodies through the tissue and costs the haptic loop nothing; at f
+// itself it is exact. Approximated between two steps: which contacts are closed, which stick, and the
+// friction of those that slide do not change with the device, nor do the normals. In the simulation step
+// nothing of this is frozen: bodies and instrument are solved as one problem (`solve_with`).
+// Recovery: a node found inside is let out at no more than v = `recovery_speed`, so that deep penetration
+// ends without a burst; `allowed` is 0 for all that were outside.
+// Working set: of some two hundred contacts within reach a dozen close. Solved are those that carried force (if
+// none: those that free motion closes); then every other is looked at under the forces found, and those that
+// overlap by a nanometre join, until none does: the same solution for a small part of the work.
+// Capacity: max_body_contacts touches. Over it, touches that carried force come first, then the deepest
+// (before the first solve: in free motion); `dropped` counts the others that overlap where the solve has left
+// them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row.
+// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners.
+// Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status; the best iterate is used.
+// Allocates: for the simulation thread only. Source: as contact/rows.h; the Schur complement is ours.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "physics/contact/rows.h"
+#include "physics/contact/solver/coulomb.h"
+#include "physics/contact/solver/lcp.h"
+#include "physics/simulation/body_contact/encounters.h"
+#include "physics/simulation/patch.h"
+
+namespace hapticd {
+
+inline constexpr int max_body_contacts = max_rows;
+
+struct BodyContactSettings {
+  std::vector<ContactPair> pairs;  // none: no cost, and not a bit changes
+  double recovery_speed = 0.01;    // [m/s]
+};
+
+// How a contact takes hold of a node: its body, its place in that body's domain (−1: immobile), its weight.
+struct Lever {
+  int body = -1;
+  int place = -1;
+  double weight = 0;
+};
+
+// One touch of a node with a face, as the last linearisation saw it.
+struct BodyContact {
+  int pair;
+  int node;
+  int face;                      // id of the surface face, for good
+  std::array<int, 4> mesh_node;  // the node, then the face's corners
+  std::array<Lever, 4> lever;    // their weights are 1, −w
+  Mat3 frame;
+  double friction;
+  double gap;       // true, at the linearisation [m]
+  double allowed;   // ≤ 0 [m]
+  Vec3 delta_free;  // [m]
+  Vec3 lambda;      // in the frame [N]
+};
+
+struct BodyContactReport {
+  int nodes = 0;     // met a face
+  int contacts = 0;  // rows of the last solve
+  int active = 0;
+  int sliding = 0;
+  int dropped = 0;
+  int rounds = 0;  // of the last step
+  int joined = 0;  // nodes that only showed once they had moved
+  SolveStatus status = SolveStatus::solved;
+  double residual = 0;     // natural map
+  double penetration = 0;  // deepest true overlap the solve left [m], ≥ 0, recovery under way included
+};
+
+class BodyContacts {
+ public:
+  BodyContacts(BodyContactSettings settings, double h);
+
+  bool empty() const { return finder_.pairs().empty(); }
+  std::span<const ContactPair> pairs() const { return finder_.pairs(); }
+  void surface_changed(int body) { finder_.surface_changed(body); }
+
+  // Who may touch whom in the step that begins at the bodies' present positions.
+  void find(const Bodies& bodies);
+  bool touching(int a, int b) const;  // whether these bodies have an encounter
+  bool any() const { return !encounters_.empty(); }
+
+  // Nodes whose compliance is needed, for the body's zone.
+  std::span<const int> nodes_of(int body) const {
+    return contact_nodes_.empty() ? std::span<const int>() : std::span<const int>(contact_nodes_[body]);
+  }
+
+  // Begins the solve: domains of mobile bodies = patch nodes, then contact nodes.
+  void set_domains(const Bodies& bodies, std::span<const PatchNode> patch);
+  std::span<const int> domain_nodes(int body) const { return domains_[body].nodes; }
+  MatX& compliance(int body) { return domains_[body].C; }  // to be filled
+
+  // Start (present) and free positions of the domains; linearises there.
+  void set_free_motion(const Bodies& bodies);
+
+  // Renews geometry at the end of the last solve. Returns how far the rows' gaps were from the true ones
+  // where they are closed or overlap [m].
+  double linearise(const Bodies& bodies);
+
+  // How far the linearisation point follows a solve: 1 all the way, less where geometry goes round in
+  // circles.
+  void relax(double part) { relax_ = part; }
+
+  // λ under the instrument's force on the patch's nodes (3·nodes); moves the linearisation point.
+  void solve(const VecX& tool_force);
+
+  // The same together with the instrument's rows on the patch; λ of those is read to start from and left as
+  // the solution. Returns the instrument's force on the patch's nodes, and tells how far its rows were from
+  // slipping.
+  VecX solve_with(const CondensedProblem& patch, const ContactRows& tool, VecX& tool_lambda);
+  const VecX& tool_delta() const { return tool_delta_; }  // δ of the instrument's rows in that solve [m]
+
+  // Where the last linearisation point has the patch's nodes.
+  void patch_positions(PatchPositions& x) const;
+
+  // problem.C() and problem.x_free as above, from C, x_free and the solve.
+  void condense(CondensedProblem& problem) const;
+
+  // Adds the bodies' contact forces to f (3·nodes of the body).
+  void add_forces(int body, Eigen::Ref<VecX> f) const;
+
+  // Nodes that are inside at these positions and did not meet the faces there: they join. Returns how many.
+  int join_missed(const Bodies& bodies, const Positions& x_end);
+
+  // What the last solve found is what the step applies: `contacts` and `force_on` tell until the next step.
+  void keep() { applied_ = solved_; }
+  std::span<const BodyContact> contacts() const { return applied_; }
+  Vec3 force_on(int body) const;  // sum of them, rigid bodies included [N]
+  const BodyContactReport& report() const { return report_; }
+  BodyContactReport& report() { return report_; }
+
+ private:
+  struct Domain {
+    bool mobile = false;
+    std::vector<int> nodes;  // patch's first
+    std::vector<int> place;  // per mesh node, −1 outside
+    MatX C;
+    VecX tool, force;  // [N]
+    std::vector<Vec3> start, free, linear;
+  };
+  struct ToolRow {
+    std::array<Lever, 3> lever;
+    bool works = false;  // solved; the others are open
+  };
+  struct Remembered {
+    int pair, node, face;
+    Vec3 normal, lambda;  // world
+  };
+
+  void open_faces(const Bodies& bodies);
+  void index_contact_nodes(const Bodies& bodies);
+  const Vec3& position(const Bodies& bodies, int body, int node, std::vector<Vec3> Domain::*at) const;
+  Vec3 relative(const Bodies& bodies, const BodyContact& c, std::vector<Vec3> Domain::*at) const;
+  Mat3 between(std::span<const Lever> a, std::span<const Lever> b) const;
+  void choose(std::vector<BodyContact>& rows);
+  void warm_start(std::vector<BodyContact>& rows) const;
+  void choose_working();
+  bool grow_working();
+  void assemble();
+  VecX solve_working_with(const CondensedProblem& patch, const ContactRows& tool,
+                          std::span<const ToolRow> rows, std::span<const int> working, VecX& tool_lambda);
+  void solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, VecX& lambda,
+                  int rows_per_contact);
+  void take(const VecX& lambda, int rows_per_contact);
+  void set_tool(const VecX& tool_force);
+  static VecX displacement(const Domain& d);
+  void move();
+  void remember();
+
+  BodyContactSettings settings_;
+  double h_;
+  EncounterFinder finder_;
+  std::vector<Encounter> encounters_;
+  std::vector<std::vector<int>> contact_nodes_;
+  std::vector<Domain> domains_;
+  std::vector<PatchNode> patch_;
+  VecX tool_delta_;
+  std::vector<BodyContact> rows_;  // linearised, to be solved
+  std::vector<BodyContact> solved_;
+  std::vector<BodyContact> applied_;
+  std::vector<Remembered> memory_;
+  int rows_per_contact_ = 3;
+  double relax_ = 1;
+  std::vector<int> working_;  // contacts of solved_ that W_ holds; the others are open
+  std::vector<int> works_;    // their places there, −1: not
+  MatX W_;
+  std::unique_ptr<LcpWorkspace> lcp_;
+  std::unique_ptr<CoulombWorkspace> coulomb_;
+  BodyContactReport report_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,165 @@
+#include "physics/simulation/body_contact/collision.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wall"
+#pragma GCC diagnostic ignored "-Wextra"
+#include <fcl/geometry/shape/box.h>
+#include <fcl/geometry/shape/capsule.h>
+#include <fcl/geometry/shape/cylinder.h>
+#include <fcl/geometry/shape/sphere.h>
+#include <fcl/geometry/shape/utility.h>
+#include <fcl/narrowphase/detail/gjk_solver_libccd.h>
+#pragma GCC diagnostic pop
+
+namespace hapticd {
+namespace {
+
+using Transform = fcl::Transform3<double>;
+using Box = fcl::AABB<double>;
+
+// A primitive grown by the alarm distance, and where its centre sits in the primitive's frame.
+struct GrownShape {
+  Vec3 centre = Vec3::Zero();
+  std::function<Box(const Transform&)> box;
+  std::function<bool(const Transform&, const std::array<Vec3, 3>& face)> touches;
+};
+
+template <class Shape>
+GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
+  const auto box = [shape](const Transform& T) {
+    Box of;
+    fcl::computeBV(shape, T, of);
+    return of;
+  };
+  const auto touches = [shape](const Transform& T, const std::array<Vec3, 3>& face) {
+    return fcl::detail::GJKSolver_libccd<double>().shapeTriangleIntersect(shape, T, face[0], face[1],
+                                                                          face[2]);
+  };
+  return {centre, box, touches};
+}
+
+GrownShape grown(const Primitive& p, double alarm) {
+  switch (p.shape) {
+    case Shape::sphere:
+      return grown(fcl::Sphere<double>(p.radius + alarm));
+    case Shape::capsule:
+      return grown(fcl::Capsule<double>(p.radius + alarm, 2 * p.half_length));
+    case Shape::cylinder:
+      return grown(fcl::Cylinder<double>(p.radius + alarm, 2 * (p.half_length + alarm)));
+    case Shape::convex:
+      break;
+  }
+  Eigen::AlignedBox3d box;
+  for (const Vec3& v : p.vertices) box.extend(v);
+  const Vec3 size = box.sizes() + Vec3::Constant(2 * alarm);
+  return grown(fcl::Box<double>(size), box.center());
+}
+
+constexpr double most_stretch = 1e3;  // of a face, in the body's widest at first
+
+struct Body {
+  std::vector<SurfaceFace> faces;
+  double widest = 0;                         // face at first [m]
+  std::vector<std::array<Vec3, 3>> corners;  // of each face
+  std::vector<Box> boxes;
+};
+
+}  // namespace
+
+struct Collision::Impl {
+  const Instrument& instrument;
+  std::vector<GrownShape> shapes;
+  std::vector<Body> bodies;
+};
+
+namespace {
+
+double width(const SurfaceFace& f, std::span<const Vec3> x) {
+  const Vec3 &a = x[f.nodes[0]], &b = x[f.nodes[1]], &c = x[f.nodes[2]];
+  const Eigen::Vector3d squares((b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm());
+  return std::sqrt(squares.maxCoeff<Eigen::PropagateNaN>());
+}
+
+// libccd may search for ever where a face is 10^8 m wide, and near_faces with it.
+void require_bounded(std::span<const SurfaceFace> faces, double widest, int index,
+                     std::span<const Vec3> positions) {
+  for (const SurfaceFace& f : faces)
+    if (const double w = width(f, positions); !(w <= most_stretch * widest))
+      throw std::runtime_error("the tissue is unstable: of body " + std::to_string(index) +
+                               " the face of nodes " + std::to_string(f.nodes[0]) + ", " +
+                               std::to_string(f.nodes[1]) + " and " + std::to_string(f.nodes[2]) + " is " +
+                               std::to_string(w) + " m wide");
+}
+
+void find_boxes(Body& body, std::span<const Vec3> positions) {
+  body.corners.resize(body.faces.size());
+  body.boxes.resize(body.faces.size());
+  for (std::size_t f = 0; f < body.faces.size(); ++f) {
+    const auto [a, b, c] = body.faces[f].nodes;
+    body.corners[f] = {positions[a], positions[b], positions[c]};
+    body.boxes[f] = Box(positions[a], positions[b], positions[c]);
+  }
+}
+
+}  // namespace
+
+Collision::Collision(const Instrument& instrument, double alarm_distance)
+    : impl_(new Impl{instrument, {}, {}}) {
+  for (const Primitive& p : instrument.primitives) impl_->shapes.push_back(grown(p, alarm_distance));
+}
+
+Collision::~Collision() = default;
+
+int Collision::add_body(std::span<const SurfaceFace> faces, std::span<const Vec3> positions) {
+  impl_->bodies.emplace_back();
+  const int body = static_cast<int>(impl_->bodies.size()) - 1;
+  for (const SurfaceFace& f : faces)
+    impl_->bodies[body].widest = std::max(impl_->bodies[body].widest, width(f, positions));
+  set_surface(body, faces, positions);
+  return body;
+}
+
+void Collision::set_surface(int index, std::span<const SurfaceFace> faces, std::span<const Vec3> positions) {
+  Body& body = impl_->bodies[index];
+  require_bounded(faces, body.widest, index, positions);
+  body.faces.assign(faces.begin(), faces.end());
+  find_boxes(body, positions);
+}
+
+void Collision::refit(int index, std::span<const Vec3> positions) {
+  Body& body = impl_->bodies[index];
+  require_bounded(body.faces, body.widest, index, positions);
+  find_boxes(body, positions);
+}
+
+void Collision::near_faces(const Pose& X, std::vector<NearFace>& out) {
+  out.clear();
+  for (std::size_t k = 0; k < impl_->shapes.size(); ++k) {
+    const Primitive& p = impl_->instrument.primitives[k];
+    const GrownShape& shape = impl_->shapes[k];
+    Transform T = Transform::Identity();
+    T.linear() = (X.q * p.placement.q).toRotationMatrix();
+    T.translation() = X.to_world(p.placement.to_world(shape.centre));
+    const Box box = shape.box(T);
+    for (std::size_t b = 0; b < impl_->bodies.size(); ++b) {
+      const Body& body = impl_->bodies[b];
+      for (std::size_t f = 0; f < body.boxes.size(); ++f)
+        if (body.boxes[f].overlap(box) && shape.touches(T, body.corners[f]))
+          out.push_back({static_cast<int>(b), static_cast<int>(f)});
+    }
+  }
+  const auto key = [](const NearFace& f) { return std::pair(f.body, f.face); };
+  std::sort(out.begin(), out.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  out.erase(
+      std::unique(out.begin(), out.end(), [&](const auto& a, const auto& b) { return key(a) == key(b); }),
+      out.end());
+}
+
+}  // namespace hapticd

@@ -1,0 +1,62 @@
+#include "server/app/base_maker.h"
+
+#include "haptic/loop.h"
+
+namespace hapticd {
+
+BaseMaker::~BaseMaker() { stop(); }
+
+void BaseMaker::start(std::function<void()> on_thread) {
+  stopping_ = false;
+  thread_ = std::thread([this, on_thread = std::move(on_thread)] {
+    if (on_thread) on_thread();
+    run();
+  });
+}
+
+void BaseMaker::stop() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  given_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void BaseMaker::give(BaseJob job) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.push_back(std::move(job));
+  }
+  given_.notify_one();
+}
+
+std::optional<BaseJob> BaseMaker::take() {
+  const std::lock_guard lock(mutex_);
+  if (done_.empty()) return std::nullopt;
+  BaseJob job = std::move(done_.front());
+  done_.pop_front();
+  return job;
+}
+
+void BaseMaker::run() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    given_.wait(lock, [this] { return stopping_ || !waiting_.empty(); });
+    if (stopping_) return;
+    BaseJob job = std::move(waiting_.front());
+    waiting_.pop_front();
+    lock.unlock();
+    const std::int64_t begin = monotonic_ns();
+    try {
+      job.base->make();
+    } catch (const std::exception&) {
+      job.failed = true;  // the body goes on with its old base, and its report says how far that is off
+    }
+    make_time_.record(monotonic_ns() - begin);
+    lock.lock();
+    done_.push_back(std::move(job));
+  }
+}
+
+}  // namespace hapticd

@@ -1,0 +1,66 @@
+// The daemon as one object: what is made, started and stopped, in which order.
+//
+//   scene → DDS (before any thread goes SCHED_FIFO) → a station per device (station.h): world, loops
+//   start: simulations and haptic loops, then diagnostics;   stop: haptic loop first (the device feels zero),
+//   then simulation, then diagnostics (which drains what they left)
+//
+// Thread safety: one owner thread. Errors: the constructor and start throw std::runtime_error or
+// std::invalid_argument; a refused privilege is a Grant, not an error.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/app/station.h"
+#include "server/observe/metrics.h"
+#include "server/os/quiet_core.h"
+
+namespace hapticd {
+
+struct DaemonOptions {
+  std::uint32_t domain = 0;
+  LoopMode mode = LoopMode::tick;
+  std::optional<std::filesystem::path> record;  // of the scene's first device
+  std::optional<std::filesystem::path> capture;  // a directory for contact problems (haptic/contact_capture.h)
+  std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
+  std::optional<Security> security;
+};
+
+class Daemon {
+ public:
+  Daemon(const Scene& scene, const DaemonOptions& options);
+  ~Daemon();
+
+  // What the operating system granted is complete when start returns.
+  void start();
+  void stop() noexcept;
+
+  bool failed() const noexcept;
+  std::string failure() const;
+  const std::vector<Grant>& grants() const noexcept { return grants_; }
+  // Figures of the run so far; keys as tools/demo's summary uses them. The first device's at the top level,
+  // the others' under more_devices.
+  nlohmann::json summary() const;
+  // The same counters for a monitoring system; any thread, after start.
+  std::string metrics() const;
+  const std::vector<std::unique_ptr<Station>>& stations() const noexcept { return stations_; }
+
+ private:
+  const Scene& scene_;
+  const std::int64_t made_ns_ = monotonic_ns();
+  std::vector<Grant> grants_;
+  CpuLatency latency_;
+  // The last and the first of those that the process may use.
+  int realtime_core_, simulation_core_;
+  QuietCore quiet_core_;
+  std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
+  Domain domain_;
+  Participant participant_;
+  std::vector<std::unique_ptr<Station>> stations_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,281 @@
+// hapticd SCENE.yaml: reads, checks, starts, serves until a signal, stops, reports.
+#include <sys/mman.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <iostream>
+#include <new>
+
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "server/app/daemon.h"
+#include "server/app/notify.h"
+#include "server/app/reload.h"
+#include "server/app/service.h"
+#include "server/dds/dds.h"
+#include "server/files/input_error.h"
+#include "server/files/output_file.h"
+#include "server/observe/dds_log.h"
+#include "server/observe/log.h"
+#include "server/observe/metrics_server.h"
+#include "server/os/realtime.h"
+#include "server/plan/plan.h"
+#include "server/scene/scene_describe.h"
+#include "server/scene/scene_reader.h"
+
+namespace {
+
+using namespace hapticd;
+
+constexpr int input_error = 2, run_error = 1;
+
+struct Arguments {
+  std::string scene;
+  bool check = false;
+  std::string mode;
+  bool test_hooks = false;
+  double duration = 0;
+  std::uint32_t domain = 0;
+  std::string device, record, capture, json, secure, log, metrics;
+  std::uint64_t capture_every = 0;
+  bool force = false, open_network = false;
+  std::vector<std::string> also;
+};
+
+void define(CLI::App& app, Arguments& a) {
+  app.footer("Example:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json");
+  app.set_version_flag("--version", std::string("hapticd ") + HAPTICD_VERSION);
+  app.add_option("scene", a.scene, "The scene, a YAML file (config/README.md tells its keys)")->required();
+  app.add_flag("--check", a.check,
+               "Read everything, try and print the plan, start nothing; exit code 2 on an error");
+  app.add_option("--duration", a.duration, "Stop by itself after so many seconds; 0: run until a signal")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
+  app.add_option("--device", a.device, "Device file or name that replaces the scene's (limits only)");
+  app.add_option(
+      "--also", a.also,
+      "One more device, as the scene's first but with tissue, id and limits of its own; may be repeated");
+  app.add_option("--record", a.record,
+                 "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv")
+      ->type_name("DIR|FILE.csv");
+  CLI::Option* capture = app.add_option(
+      "--capture", a.capture,
+      "Write contact problems whose solve ended at a cap into this directory (haptic chart lcp --from)");
+  app.add_option("--capture-every", a.capture_every, "... and every N-th one besides")->needs(capture);
+  app.add_option("--mode", a.mode,
+                 "Instead of the scene's haptic.mode: a force each millisecond (tick), or for "
+                 "each device state (event)")
+      ->check(CLI::IsMember({"tick", "event"}));
+  app.add_option(
+      "--json", a.json,
+      "Write the run's figures to this file at the end, and at each SIGUSR1; with --check the plan");
+  app.add_flag("--force", a.force,
+               "Write over files of --record FILE.csv, --capture and --json that are there already");
+  app.add_option("--log", a.log,
+                 "Lines for a person (human) or a program (json); default: human on a terminal")
+      ->check(CLI::IsMember({"human", "json"}));
+  app.add_option("--metrics", a.metrics,
+                 "Answer Prometheus on this loopback port, at /metrics; also 127.0.0.1:PORT, [::1]:PORT")
+      ->type_name("PORT")
+      ->check(metrics_address_fault);
+  app.add_flag(
+      "--test-hooks", a.test_hooks,
+      "For tests alone: SIGRTMIN with a value holds the simulation so many ms, SIGRTMIN+1 makes its next "
+      "problem not finite, SIGUSR2 holds the thread that it is sent to for 1.5 s");
+  app.add_option("--secure", a.secure,
+                 "Admit nobody without a certificate: DIR from config/dds/security/make_keys.sh")
+      ->type_name("DIR");
+  app.add_flag(
+      "--open-network", a.open_network,
+      "Serve an interface that the DDS profile names without --secure: whoever is on that network may "
+      "move the device, read everything, and end this process with a packet");
+}
+
+// Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
+// of them would end the process by default: it is handed over whole.
+pid_t waiting_thread = 0;
+void hand_over(int number, siginfo_t* info, void*) {
+  const int before = errno;
+  syscall(SYS_rt_tgsigqueueinfo, getpid(), waiting_thread, number, info);
+  errno = before;
+}
+
+// Blocks the signals that the daemon answers, in this thread and all it makes.
+sigset_t block_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGINT);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGUSR1);
+  sigaddset(&set, SIGHUP);
+  sigaddset(&set, SIGRTMIN);
+  sigaddset(&set, SIGRTMIN + 1);
+  pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  waiting_thread = gettid();
+  struct sigaction action {};
+  action.sa_sigaction = hand_over;
+  action.sa_flags = SA_SIGINFO | SA_RESTART;
+  for (int number = 1; number <= SIGRTMAX; ++number)
+    if (sigismember(&set, number) == 1) sigaction(number, &action, nullptr);
+  // A file at its size limit is a full disk: the recording ends, the daemon does not. Nor where nobody reads
+  // its log.
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
+  return set;
+}
+
+// Whole or not at all: who asked by SIGUSR1 waits for the file to appear.
+void write_json(const std::string& file, const auto& json) { write_file(file, json.dump(2) + '\n'); }
+
+void check_outputs(const Arguments& a) {
+  const OutputRule rule(a.force);
+  rule.require_figures("--json", a.json);
+  if (std::filesystem::path(a.record).extension() == ".csv") rule.require_new("--record", a.record);
+  rule.require_folder_without("--capture", a.capture, ".contact");
+}
+
+void write_figures(const Daemon& daemon, const std::string& file) { write_json(file, daemon.summary()); }
+
+// A test hook: the thread that gets the signal stands.
+void stand_still(int) {
+  const timespec time{1, 500'000'000};
+  nanosleep(&time, nullptr);
+}
+
+// OpenBLAS asks for its buffers for ever where there are none, at the process's end too, and Cyclone aborts:
+// too small a limit (ulimit -v) is said before either begins. What a scene needs beyond this is said by
+// bad_alloc.
+void require_address_space() {
+  constexpr std::size_t needed = std::size_t{512} << 20;
+  void* place = mmap(nullptr, needed, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (place != MAP_FAILED) {
+    munmap(place, needed);
+    return;
+  }
+  std::cerr << "hapticd: not enough memory: " << (needed >> 20)
+            << " MB of address space are needed beyond what is used at the start (ulimit -v)" << std::endl;
+  std::_Exit(run_error);
+}
+
+// What was refused, and what that means.
+void announce(const std::vector<Grant>& grants) {
+  bool degraded = false;
+  for (const Grant& g : grants) {
+    if (g.granted) continue;
+    log(LogLevel::warning, "not_granted", "not granted: " + g.what + ": " + g.detail,
+        {{"what", g.what}, {"detail", g.detail}});
+    degraded = true;
+  }
+  if (degraded)
+    log(LogLevel::warning, "degraded", "degraded: everything works, but other programs can make forces late");
+}
+
+void announce(const Plan& plan, bool human) {
+  if (human)
+    std::cout << describe(plan) << std::flush;
+  else
+    log(LogLevel::info, "plan", "the plan", to_json(plan));
+}
+
+int check(const Arguments& a, const Scene& scene) {
+  const Plan plan = make_plan(scene);
+  std::cout << describe(plan.scene) << describe(plan);
+  if (!a.json.empty()) write_json(a.json, to_json(plan));
+  return 0;
+}
+
+bool logs_for_a_person(const Arguments& a) {
+  return a.log.empty() ? a.check || isatty(STDERR_FILENO) : a.log == "human";
+}
+
+int run(const Arguments& a) {
+  const Notifier notifier;
+  const bool human = logs_for_a_person(a);
+  set_log_format(human ? LogFormat::human : LogFormat::json);
+  require_address_space();
+  check_outputs(a);
+  Scene scene = read_scene(a.scene, a.device);
+  for (const std::string& device : a.also) add_device(scene, device);
+  set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
+  std::optional<Security> security;
+  if (a.open_network) open_network();
+  if (!a.secure.empty()) security = security_files(a.secure, "daemon");
+  // Large blocks come from the heap from here on, as in the run: their page faults would be half a step's
+  // cost.
+  keep_malloc_pages();
+  if (a.check) return check(a, scene);
+  Reloader reloader(scene, a.device, a.also);
+  if (scene.plans) {
+    Plan plan = make_plan(scene);
+    announce(plan, human);
+    scene = std::move(plan.scene);
+  }
+  const sigset_t signals = block_signals();
+  if (a.test_hooks) std::signal(SIGUSR2, stand_still);
+  const LoopMode mode = a.mode.empty()      ? scene.haptic_mode
+                        : a.mode == "event" ? LoopMode::event
+                                            : LoopMode::tick;
+  const auto path = [](const std::string& text) {
+    return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
+  };
+  take_dds_log();
+  Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security});
+  daemon.start();
+  announce(daemon.grants());
+  std::optional<MetricsServer> metrics;
+  if (!a.metrics.empty()) {
+    metrics.emplace(a.metrics, [&daemon] { return daemon.metrics(); });
+    const std::string where = std::to_string(metrics->port());
+    log(LogLevel::info, "metrics", "metrics on port " + where, {{"port", metrics->port()}});
+  }
+  const std::string ready = ready_text(a.domain, security.has_value());
+  log(LogLevel::info, "ready", ready,
+      {{"domain", a.domain}, {"scene", scene.name}, {"version", HAPTICD_VERSION}});
+  notifier.ready(ready);
+
+  ServiceOptions service{.duration = a.duration, .test_hooks = a.test_hooks, .figures = {}};
+  if (!a.json.empty()) service.figures = [&] { write_figures(daemon, a.json); };
+  Service(daemon, reloader, notifier, signals, service).run();
+  notifier.stopping();
+  log(LogLevel::info, "stopping", "stopping");
+  daemon.stop();
+  write_whole_dds_log();
+  if (!a.json.empty()) write_figures(daemon, a.json);
+  if (daemon.failed()) throw std::runtime_error("the simulation stopped: " + daemon.failure());
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("A haptic server for soft tissue that is being cut.", "hapticd");
+  Arguments arguments;
+  define(app, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    const int code = app.exit(e);
+    return code == 0 ? 0 : input_error;
+  }
+  try {
+    return run(arguments);
+  } catch (const InputError& e) {
+    log(LogLevel::error, "input", e.what(),
+        {{"file", e.file().string()}, {"line", e.line()}, {"key", e.key()}});
+    return input_error;
+  } catch (const std::bad_alloc&) {
+    std::cerr << "hapticd: not enough memory for this scene\n";
+    return run_error;
+  } catch (const std::exception& e) {
+    write_whole_dds_log();
+    log(LogLevel::error, "failed", e.what());
+    return run_error;
+  }
+}

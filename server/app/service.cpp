@@ -1,0 +1,128 @@
+#include "server/app/service.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/files/input_error.h"
+#include "server/observe/log.h"
+
+namespace hapticd {
+namespace {
+
+constexpr auto relaxed = std::memory_order_relaxed;
+constexpr std::int64_t figures_every_ns = 1'000'000'000;
+
+LoopCounters counters_of(const Station& station) {
+  const LoopStatistics& h = station.haptic_statistics();
+  const SimulationStatistics& s = station.simulation_statistics();
+  return {.device_id = station.device_id(),
+          .status = h.status.load(relaxed) | (h.run.load(relaxed) == 0 ? std::uint32_t{status_disarmed} : 0u),
+          .deadline_misses = h.deadline_misses.load(relaxed),
+          .missed = h.missed.load(relaxed),
+          .refused = h.refused.load(relaxed),
+          .conflicts = h.conflicts.load(relaxed),
+          .solver_caps = h.solver_caps.load(relaxed),
+          .overruns = s.overruns.load(relaxed),
+          .bases_failed = s.bases_failed.load(relaxed),
+          .recording_dropped = station.recording_dropped()};
+}
+
+}  // namespace
+
+Service::Service(Daemon& daemon, Reloader& reloader, const Notifier& notifier, const sigset_t& signals,
+                 ServiceOptions options)
+    : daemon_(daemon),
+      reloader_(reloader),
+      notifier_(notifier),
+      signals_(signals),
+      options_(std::move(options)),
+      pings_(notifier.watchdog_ns()) {}
+
+LoopCounts Service::counts() const {
+  LoopCounts counts;
+  for (const auto& station : daemon_.stations()) {
+    counts.push_back(station->haptic_statistics().run.load(relaxed));
+    counts.push_back(station->simulation_statistics().steps.load(relaxed));
+  }
+  return counts;
+}
+
+void Service::run() {
+  std::int64_t slice_ns = 100'000'000;
+  if (notifier_.watchdog_ns() > 0)
+    slice_ns = std::clamp<std::int64_t>(notifier_.watchdog_ns() / 8, 1'000'000, slice_ns);
+  const timespec slice{0, slice_ns};
+  const std::int64_t end =
+      options_.duration > 0 ? monotonic_ns() + std::llround(1e9 * options_.duration) : INT64_MAX;
+  while (monotonic_ns() < end && !daemon_.failed()) {
+    siginfo_t info{};
+    const int number = sigtimedwait(&signals_, &info, &slice);
+    if (number == SIGINT || number == SIGTERM) return;
+    if (number == SIGUSR1 && options_.figures) options_.figures();
+    // Of the kernel: the terminal that it was started from is gone. Of anybody else: read the scene again.
+    if (number == SIGHUP && info.si_code == SI_KERNEL) return;
+    if (number == SIGHUP) reload();
+    if (options_.test_hooks) test_hook(info);
+    const std::int64_t now = monotonic_ns();
+    if (pings_.due(now, counts())) notifier_.ping();
+    look(now);
+  }
+}
+
+void Service::look(std::int64_t now_ns) {
+  const bool figures = log_level_now() == LogLevel::debug && now_ns - figures_ns_ >= figures_every_ns;
+  if (figures) figures_ns_ = now_ns;
+  for (const auto& station : daemon_.stations()) {
+    const LoopCounters counters = counters_of(*station);
+    for (const Incident& i : incidents_.look(now_ns, counters)) log(i.level, i.event, i.message, i.fields);
+    if (!figures) continue;
+    const LoopStatistics& h = station->haptic_statistics();
+    log(LogLevel::debug, "figures",
+        "device " + std::to_string(counters.device_id) + ": " + std::to_string(h.run.load(relaxed)) +
+            " ticks, " + std::to_string(h.answered.load(relaxed)) + " answers, " +
+            std::to_string(station->simulation_statistics().steps.load(relaxed)) + " steps",
+        {{"device", counters.device_id},
+         {"ticks", h.run.load(relaxed)},
+         {"answered", h.answered.load(relaxed)},
+         {"steps", station->simulation_statistics().steps.load(relaxed)}});
+  }
+}
+
+void Service::reload() {
+  notifier_.reloading(monotonic_ns());
+  std::string status = "reloaded";
+  try {
+    const Reload r = reloader_.read();
+    for (std::size_t i = 0; i < daemon_.stations().size() && i < r.tunings.size(); ++i)
+      daemon_.stations()[i]->retune(r.tunings[i]);
+    set_log_level(log_level(r.log_level).value_or(LogLevel::info));
+    for (const std::string& what : r.clamped)
+      log(LogLevel::warning, "reload_clamped", "clamped: " + what, {{"what", what}});
+    for (const std::string& what : r.not_taken)
+      log(LogLevel::warning, "reload_not_taken", "not taken: " + what, {{"what", what}});
+    for (const std::string& what : r.taken)
+      log(LogLevel::info, "reload_taken", "taken: " + what, {{"what", what}});
+    log(LogLevel::info, "reloaded",
+        "reloaded: " + std::to_string(r.taken.size()) + " taken, " + std::to_string(r.clamped.size()) +
+            " clamped, " + std::to_string(r.not_taken.size()) + " not taken",
+        {{"taken", r.taken}, {"clamped", r.clamped}, {"not_taken", r.not_taken}});
+  } catch (const std::exception& e) {
+    status = "reload failed, nothing changed";
+    log(LogLevel::error, "reload_failed", std::string("reload failed, nothing changed: ") + e.what());
+  }
+  notifier_.ready(status);
+}
+
+void Service::test_hook(const siginfo_t& info) {
+  for (const auto& station : daemon_.stations()) {
+    if (info.si_signo == SIGRTMIN)
+      station->simulation().hold(std::int64_t{1'000'000} * info.si_value.sival_int);
+    if (info.si_signo == SIGRTMIN + 1) station->simulation().poison();
+  }
+}
+
+std::string ready_text(std::uint32_t domain, bool secured) {
+  return "ready, domain " + std::to_string(domain) + (secured ? ", secured" : "");
+}
+
+}  // namespace hapticd

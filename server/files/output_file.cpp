@@ -1,0 +1,138 @@
+#include "server/files/output_file.h"
+
+#include <unistd.h>
+
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+#include "server/files/input_error.h"
+
+namespace hapticd {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* remedy = "; --force writes over it";
+
+std::string beginning_of(const fs::path& file) {
+  constexpr std::size_t enough = 1 << 16;
+  std::string text(enough, '\0');
+  std::ifstream in(file, std::ios::binary);
+  in.read(text.data(), static_cast<std::streamsize>(enough));
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  return text;
+}
+
+// The tools' figures say their command first; a daemon's are sorted by name, and have its rate.
+bool is_figures(const std::string& text) {
+  return text.starts_with("{\n") && (text.find("\n  \"command\": \"") != std::string::npos ||
+                                     text.find("\n  \"haptic_rate_hz\": ") != std::string::npos);
+}
+
+bool is_there(const fs::path& file) {
+  std::error_code error;
+  return !file.empty() && fs::exists(fs::symlink_status(file, error));
+}
+
+// Renaming over a device or a pipe would take it away.
+void require_regular(const std::string& option, const fs::path& file) {
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (fs::exists(status) && !fs::is_regular_file(status))
+    throw InputError(file, 0, option, "is there and is not a file");
+}
+
+// Takes what is to be done with each entry; a folder that is not there has none.
+void for_each_file(const std::string& option, const fs::path& folder, auto&& f) {
+  if (!is_there(folder)) return;
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) throw InputError(folder, 0, option, "is there and is not a folder");
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) f(entry.path());
+}
+
+}  // namespace
+
+void OutputRule::require_new(const std::string& option, const fs::path& file) const {
+  if (!is_there(file)) return;
+  std::error_code error;
+  if (fs::is_directory(file, error)) throw InputError(file, 0, option, "is a folder");
+  const fs::file_status status = fs::status(file, error);
+  if (fs::exists(status) && !fs::is_regular_file(status)) return;
+  if (!force_) throw InputError(file, 0, option, std::string("is there already") + remedy);
+}
+
+void OutputRule::require_figures(const std::string& option, const fs::path& file) const {
+  if (!is_there(file)) return;
+  require_regular(option, file);
+  if (force_) return;
+  const std::string text = beginning_of(file);
+  if (!text.empty() && !is_figures(text))
+    throw InputError(file, 0, option,
+                     std::string("is there already, and holds no figures of an earlier run") + remedy);
+}
+
+void OutputRule::require_table(const std::string& option, const fs::path& file,
+                               const std::string& header) const {
+  if (!is_there(file)) return;
+  require_regular(option, file);
+  if (force_) return;
+  const std::string text = beginning_of(file);
+  if (!text.empty() && !text.starts_with(header))
+    throw InputError(file, 0, option,
+                     std::string("is there already, and is no such table of an earlier run") + remedy);
+}
+
+void OutputRule::require_figures_folder(const std::string& option, const fs::path& folder,
+                                        const std::string& figures, const std::string& stem) const {
+  bool ours = false;
+  fs::path other;
+  for_each_file(option, folder, [&](const fs::path& file) {
+    const std::string name = file.filename().string();
+    if (name == figures && is_figures(beginning_of(file)))
+      ours = true;
+    else if (name == figures || name.starts_with(stem + ".") || name.starts_with(stem + "_"))
+      other = file;
+  });
+  if (!ours && !force_ && !other.empty())
+    throw InputError(other, 0, option,
+                     "is there already, and the folder has no " + figures + " of an earlier run" + remedy);
+}
+
+void OutputRule::require_folder_without(const std::string& option, const fs::path& folder,
+                                        const std::string& ending) const {
+  for_each_file(option, folder, [&](const fs::path& file) {
+    if (!force_ && file.filename().string().ends_with(ending))
+      throw InputError(file, 0, option,
+                       "is there already: name another folder, or --force writes over what is in this one");
+  });
+}
+
+void OutputRule::require_snapshots_folder(const std::string& option, const fs::path& folder) const {
+  for_each_file(option, folder, [&](const fs::path& file) {
+    const std::string name = file.filename().string();
+    for (const std::string when : {"before", "after"}) {
+      if (force_ || !name.ends_with("_" + when + ".vtk")) continue;
+      const std::string text = beginning_of(file);
+      if (text.substr(0, text.find("\nASCII\n")).ends_with(" " + when + ", metres")) continue;
+      throw InputError(file, 0, option,
+                       std::string("is there already, and is no snapshot of an earlier run") + remedy);
+    }
+  });
+}
+
+void write_file(const std::string& path, const std::string& content) {
+  // The name is nobody else's: FILE.part might be.
+  const std::string beside = path + "." + std::to_string(getpid()) + ".part";
+  std::ofstream out(beside, std::ios::binary | std::ios::trunc);
+  out << content;
+  out.close();
+  std::error_code error;
+  if (out) fs::rename(beside, path, error);
+  if (!out || error) {
+    fs::remove(beside, error);
+    throw std::runtime_error(path + ": cannot be written");
+  }
+}
+
+}  // namespace hapticd

@@ -1,0 +1,235 @@
+#include "server/record/contact_capture_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+
+#include "server/files/input_error.h"
+
+namespace hapticd {
+namespace {
+
+constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
+constexpr std::uint32_t version = 1, byte_order = 0x01020304;
+constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
+
+// One description of the layout for both directions: `put` of the writer appends, of the reader takes.
+class FileWriter {
+ public:
+  template <typename T>
+  void put(T& value) {
+    static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
+    const auto* bytes = reinterpret_cast<const char*>(&value);
+    bytes_.insert(bytes_.end(), bytes, bytes + sizeof value);
+  }
+  void numbers(double* first, std::size_t count) {
+    const auto* bytes = reinterpret_cast<const char*>(first);
+    bytes_.insert(bytes_.end(), bytes, bytes + count * sizeof(double));
+  }
+  std::uint32_t length(std::size_t count, std::uint32_t, const char*) {
+    auto n = static_cast<std::uint32_t>(count);
+    put(n);
+    return n;
+  }
+  void expect(bool, const char*) {}
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+};
+
+class FileReader {
+ public:
+  FileReader(std::filesystem::path file, std::string bytes)
+      : file_(std::move(file)), bytes_(std::move(bytes)) {}
+
+  template <typename T>
+  void put(T& value) {
+    static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
+    std::memcpy(&value, take(sizeof value), sizeof value);
+    if constexpr (std::is_floating_point_v<T>) expect(std::isfinite(value), "a number is not finite");
+  }
+  void numbers(double* first, std::size_t count) {
+    std::memcpy(first, take(count * sizeof(double)), count * sizeof(double));
+    for (std::size_t k = 0; k < count; ++k) expect(std::isfinite(first[k]), "a number is not finite");
+  }
+  std::uint32_t length(std::size_t, std::uint32_t most, const char* of) {
+    std::uint32_t n = 0;
+    put(n);
+    if (n > most)
+      fail(std::string(of) + ": " + std::to_string(n) + ", more than the " + std::to_string(most) +
+           " there may be");
+    return n;
+  }
+  void expect(bool holds, const char* otherwise) {
+    if (!holds) fail(otherwise);
+  }
+  void finish() { expect(at_ == bytes_.size(), "longer than a captured problem of its lengths"); }
+  [[noreturn]] void fail(const std::string& what) const { throw InputError(file_, 0, "", what); }
+
+ private:
+  const char* take(std::size_t count) {
+    expect(count <= bytes_.size() - at_, "ends in the middle of a captured problem");
+    at_ += count;
+    return bytes_.data() + at_ - count;
+  }
+
+  std::filesystem::path file_;
+  std::string bytes_;
+  std::size_t at_ = 0;
+};
+
+template <typename File>
+void layout(File& f, Vec3& v) {
+  f.numbers(v.data(), 3);
+}
+
+template <typename File>
+void layout(File& f, Pose& X) {
+  f.numbers(X.p.data(), 3);
+  f.numbers(X.q.coeffs().data(), 4);
+  f.expect(std::abs(X.q.norm() - 1) < 1e-6, "an orientation is not a unit quaternion");
+}
+
+template <typename File>
+void layout(File& f, Primitive& p) {
+  f.put(p.shape);
+  f.expect(p.shape >= Shape::sphere && p.shape <= Shape::convex, "a primitive of an unknown shape");
+  f.put(p.radius);
+  f.put(p.half_length);
+  layout(f, p.placement);
+  p.vertices.resize(f.length(p.vertices.size(), max_vertices, "vertices of a primitive"));
+  for (Vec3& v : p.vertices) layout(f, v);
+  p.planes.resize(f.length(p.planes.size(), max_vertices, "planes of a primitive"));
+  for (Eigen::Vector4d& n : p.planes) f.numbers(n.data(), 4);
+}
+
+template <typename File>
+void layout(File& f, PatchSample& s, int nodes) {
+  f.put(s.id);
+  for (int a = 0; a < 3; ++a) f.put(s.node[a]);
+  for (const std::int32_t n : s.node)
+    f.expect(s.node[0] < 0 || (n >= 0 && n < nodes), "a sample of a node that is not there");
+  f.numbers(s.weight.data(), 3);
+  layout(f, s.free);
+  layout(f, s.outward);
+  f.put(s.friction);
+}
+
+template <typename File>
+void layout(File& f, CondensedProblem& p) {
+  f.put(p.step);
+  f.put(p.published_ns);
+  layout(f, p.X_ref);
+  f.put(p.renewal);
+  f.expect(p.renewal == Renewal::frozen || p.renewal == Renewal::renewed, "an unknown renewal");
+  std::uint8_t changed = p.topology_changed;
+  f.put(changed);
+  p.topology_changed = changed != 0;
+  f.put(p.alarm_distance);
+  f.put(p.coupling.stiffness);
+  f.put(p.coupling.rotational_stiffness);
+  f.put(p.coupling.damping_time);
+  f.put(p.dropped_samples);
+  p.nodes = static_cast<int>(f.length(static_cast<std::size_t>(p.nodes), max_patch_nodes, "patch nodes"));
+  for (int n = 0; n < p.nodes; ++n) layout(f, p.x_free[n]);
+  for (int n = 0; n < p.nodes; ++n) layout(f, p.x_now[n]);
+  f.numbers(p.C_pp.data(), static_cast<std::size_t>(9 * p.nodes * p.nodes));
+  p.samples =
+      static_cast<int>(f.length(static_cast<std::size_t>(p.samples), max_patch_samples, "patch samples"));
+  for (int k = 0; k < p.samples; ++k) {
+    layout(f, p.sample[k], p.nodes);
+    f.expect(k == 0 || p.sample[k - 1].id < p.sample[k].id, "samples that are not in the order of their ids");
+  }
+}
+
+template <typename File>
+void layout(File& f, ContactState& s) {
+  ContactMemory& m = s.memory;
+  m.count =
+      static_cast<int>(f.length(static_cast<std::size_t>(m.count), max_contacts, "remembered contacts"));
+  for (int k = 0; k < m.count; ++k) {
+    ContactMemory::Entry& e = m.entry[k];
+    f.put(e.id);
+    layout(f, e.lambda);
+    layout(f, e.anchor);
+    std::uint8_t sticking = e.sticking;
+    f.put(sticking);
+    e.sticking = sticking != 0;
+    f.expect(k == 0 || m.entry[k - 1].id < e.id, "contacts that are not in the order of their ids");
+  }
+  f.numbers(s.coupling_offset.data(), 6);
+}
+
+template <typename File>
+void layout(File& f, CapturedProblem& c) {
+  auto& primitives = c.instrument.primitives;
+  primitives.resize(f.length(primitives.size(), max_primitives, "primitives of the instrument"));
+  for (Primitive& p : primitives) layout(f, p);
+  f.put(c.instrument.tip);
+  layout(f, c.capture.problem);
+  layout(f, c.capture.state);
+  layout(f, c.capture.X);
+  f.put(c.capture.period);
+  f.put(c.capture.margin);
+  f.put(c.capture.linearisations);
+  f.put(c.capture.tolerance);
+  f.expect(c.capture.period > 0 && c.capture.tolerance > 0 && c.capture.linearisations > 0 &&
+               c.capture.linearisations <= 100,
+           "settings of the solve out of range");
+  f.put(c.capture.status);
+  f.expect(c.capture.status <= SolveStatus::too_large, "an unknown status");
+  f.put(c.capture.residual);
+  f.numbers(c.capture.wrench.data(), 6);
+}
+
+}  // namespace
+
+void write_capture(const std::filesystem::path& file, const Instrument& instrument,
+                   const ContactCapture& capture) {
+  const auto copy = std::make_unique<CapturedProblem>(CapturedProblem{instrument, capture});
+  FileWriter bytes;
+  layout(bytes, *copy);
+  std::ofstream out(file, std::ios::binary | std::ios::trunc);
+  out.write(magic, sizeof magic);
+  for (const std::uint32_t word : {version, byte_order})
+    out.write(reinterpret_cast<const char*>(&word), sizeof word);
+  out.write(bytes.bytes().data(), static_cast<std::streamsize>(bytes.bytes().size()));
+  out.close();
+  if (!out) throw std::runtime_error(file.string() + ": cannot be written");
+}
+
+std::unique_ptr<CapturedProblem> read_capture(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw InputError(file, 0, "", "cannot be read");
+  FileReader reader(file, {std::istreambuf_iterator<char>(in), {}});
+  char start[sizeof magic];
+  for (char& c : start) reader.put(c);
+  reader.expect(std::equal(start, start + sizeof magic, magic), "is not a captured contact problem");
+  std::uint32_t file_version = 0, order = 0;
+  reader.put(file_version);
+  reader.put(order);
+  reader.expect(order == byte_order, "was written on a machine of another byte order");
+  if (file_version != version) reader.fail("has version " + std::to_string(file_version) + ", not 1");
+  auto captured = std::make_unique<CapturedProblem>();
+  layout(reader, *captured);
+  reader.finish();
+  return captured;
+}
+
+std::vector<std::filesystem::path> capture_files(const std::filesystem::path& directory) {
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, error))
+    if (entry.path().extension() == ".contact") files.push_back(entry.path());
+  if (error) throw InputError(directory, 0, "", "cannot be read: " + error.message());
+  if (files.empty()) throw InputError(directory, 0, "", "has no captured problem (*.contact)");
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,72 @@
+// A scene as it stands in its YAML file, checked: what exists, of what, and how it is run.
+//
+// Units in the file are SI, as here. Meshes are already read; the reader (scene_reader.h) refuses
+// anything inconsistent with file, line and key.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "haptic/device.h"
+#include "haptic/loop.h"
+#include "physics/compliance/compliance.h"
+#include "physics/contact/condensed_problem.h"
+#include "physics/contact/instrument.h"
+#include "physics/simulation/body_contact/encounters.h"
+#include "physics/simulation/step/removal.h"
+#include "physics/tissue/material.h"
+#include "physics/tissue/mesh.h"
+
+namespace hapticd {
+
+enum class BodyKind { deformable, rigid };  // rigid: a fixed obstacle
+
+struct SceneBody {
+  std::string name;
+  BodyKind kind = BodyKind::deformable;
+  std::filesystem::path mesh_file;
+  TetMesh mesh;
+  Material material;             // deformable only
+  std::vector<int> fixed_nodes;  // deformable only; empty: it floats
+  double friction = 0;           // μ against the instrument
+  bool removable = false;        // the tip may destroy it
+  bool corotational = true;      // deformable only; false: linear
+  bool dynamic = true;           // deformable only; false: neither inertia nor damping
+  bool simulated = true;         // deformable only; false: stands where it is, an obstacle
+  // Said by the scene, so that the plan leaves it.
+  bool pinned_elements = false, pinned_motion = false, pinned_simulated = false;
+};
+
+struct Scene {
+  std::string name;
+  std::filesystem::path file;
+  double rate = 50;  // simulation [Hz]
+  bool plans = false;      // model: auto: what is not pinned is chosen at the start (plan.h)
+  double accuracy = 0.02;  // RMS force error that a plan may have, of the peak force
+  bool friction = true;    // false: every μ counts as 0
+  bool pinned_compliance = false, pinned_contact = false, pinned_friction = false;
+  ComplianceMethod compliance = ComplianceMethod::exact;
+  Renewal contact = Renewal::renewed;
+  double alarm_distance = 0;  // [m]
+  double sample_spacing = 0;  // of material sample points [m]
+  Vec3 gravity = Vec3::Zero();
+  std::vector<SceneBody> bodies;
+  std::vector<ContactPair> contacts;  // bodies that touch one another, by index
+  Instrument instrument;
+  VirtualCoupling coupling;
+  RemovalSettings removal;
+  LoopMode haptic_mode = LoopMode::tick;
+  DeviceSettings device;  // its limits, and its map into the scene
+  std::vector<DeviceSettings>
+      more_devices;  // each with tissue of its own (station.h); other ids than the first
+  std::string device_name;
+  double device_stiffness = 0;  // largest the device displays stably [N/m]
+  std::filesystem::path device_file;
+  std::string log_level = "info";  // what is below is not said
+  bool ros2 = false;               // mirror topics for ROS 2
+  std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
+};
+
+}  // namespace hapticd

@@ -1,0 +1,21 @@
+// The parts of a scene file that describe things: bodies, which of them touch, and the instrument
+// (scene_reader.h).
+#pragma once
+
+#include "server/files/yaml_keys.h"
+#include "server/scene/scene.h"
+
+namespace hapticd {
+
+SceneBody read_body(const YamlMap& yaml);
+// The choices of a body's model that stand in its own map: elements, motion, simulated.
+void read_body_pins(const YamlMap& yaml, SceneBody& body);
+// Held, and never cut: what needs no mass.
+inline bool may_be_static(const SceneBody& body) { return !body.fixed_nodes.empty() && !body.removable; }
+
+// One entry of `contacts`: the first body's surface nodes against the second's faces.
+ContactPair read_contact(const YamlMap& yaml, const std::vector<SceneBody>& bodies);
+
+Instrument read_instrument(const YamlMap& yaml);
+
+}  // namespace hapticd

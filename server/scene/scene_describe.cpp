@@ -1,0 +1,119 @@
+#include "server/scene/scene_describe.h"
+
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+#include "server/record/trajectory_reader.h"
+
+namespace hapticd {
+namespace {
+
+__attribute__((format(printf, 2, 3))) void line(std::string& out, const char* format, ...) {
+  char text[512];
+  std::va_list values;
+  va_start(values, format);
+  std::vsnprintf(text, sizeof text, format, values);
+  va_end(values);
+  out += text;
+  out += '\n';
+}
+
+const char* shape_name(Shape shape) {
+  static const char* const names[] = {"sphere", "capsule", "cylinder", "convex"};
+  return names[static_cast<int>(shape)];
+}
+
+// Mean edge length: the resolution of a mesh [m].
+double mean_edge(const TetMesh& mesh) {
+  double sum = 0;
+  for (const Tet& t : mesh.tets)
+    for (int a = 0; a < 4; ++a)
+      for (int b = 0; b < a; ++b) sum += (mesh.nodes[t[a]] - mesh.nodes[t[b]]).norm();
+  return sum / (6.0 * static_cast<double>(mesh.tets.size()));
+}
+
+void describe_body(std::string& out, const SceneBody& body) {
+  line(out, "body       %s: %s, %zu nodes, %zu tetrahedra, mean edge %.2f mm", body.name.c_str(),
+       body.kind == BodyKind::rigid ? "rigid obstacle"
+       : !body.simulated            ? "deformable, not simulated: an obstacle"
+       : body.removable             ? "deformable, removable"
+                                    : "deformable",
+       body.mesh.nodes.size(), body.mesh.tets.size(), 1e3 * mean_edge(body.mesh));
+  if (body.kind == BodyKind::deformable) {
+    const Material& m = body.material;
+    line(out, "           E %.4g Pa, nu %.3g, density %.4g kg/m3, damping alpha %.3g 1/s, beta %.3g s",
+         m.young, m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
+    if (m.law == Law::guarded) line(out, "           guarded: elements that lose their volume are pushed back");
+    if (body.fixed_nodes.empty())
+      line(out, "           floating");
+    else
+      line(out, "           %zu fixed nodes", body.fixed_nodes.size());
+  }
+  if (body.friction > 0) line(out, "           friction %.3g", body.friction);
+}
+
+void describe_primitive(std::string& out, const Primitive& p, bool tip) {
+  if (p.shape == Shape::convex)
+    line(out, "           %s: convex, %zu vertices%s", p.name.c_str(), p.vertices.size(),
+         tip ? " (tip)" : "");
+  else if (p.shape == Shape::sphere)
+    line(out, "           %s: sphere, radius %.2f mm%s", p.name.c_str(), 1e3 * p.radius, tip ? " (tip)" : "");
+  else
+    line(out, "           %s: %s, radius %.2f mm, axis %.2f mm%s", p.name.c_str(), shape_name(p.shape),
+         1e3 * p.radius, 2e3 * p.half_length, tip ? " (tip)" : "");
+}
+
+}  // namespace
+
+const char* compliance_name(ComplianceMethod method) {
+  static const char* const names[] = {"exact", "zone", "lazy", "updown", "dense"};
+  return names[static_cast<int>(method)];
+}
+
+double felt_stiffness(const Scene& scene) {
+  return scene.coupling.stiffness * scene.device.position_scale * scene.device.force_scale;
+}
+
+std::string describe(const Scene& scene) {
+  std::string out;
+  line(out, "scene      %s (%s)", scene.name.c_str(), scene.file.string().c_str());
+  line(out, "step       h = %.3g ms (%.4g Hz), compliance %s, contact %s", 1e3 / scene.rate, scene.rate,
+       compliance_name(scene.compliance), scene.contact == Renewal::renewed ? "renewed" : "frozen");
+  line(out, "contact    alarm distance %.2f mm, samples %.2f mm apart", 1e3 * scene.alarm_distance,
+       1e3 * scene.sample_spacing);
+  for (const SceneBody& body : scene.bodies) describe_body(out, body);
+  for (const ContactPair& pair : scene.contacts)
+    line(out, "touching   nodes of %s on faces of %s, friction %.3g", scene.bodies[pair.points].name.c_str(),
+         scene.bodies[pair.faces].name.c_str(), pair.friction);
+  line(out, "instrument %zu primitives", scene.instrument.primitives.size());
+  for (std::size_t i = 0; i < scene.instrument.primitives.size(); ++i)
+    describe_primitive(out, scene.instrument.primitives[i], static_cast<int>(i) == scene.instrument.tip);
+  line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", scene.coupling.stiffness,
+       scene.coupling.rotational_stiffness, 1e3 * scene.coupling.damping_time);
+  if (scene.removal.rate > 0)
+    line(out,
+         "removal    %.4g tetrahedra/s, stroke %.2f mm; fragments of up to %d within %.2f mm are aspirated",
+         scene.removal.rate, 1e3 * scene.removal.stroke, scene.removal.aspiration_max_tets,
+         1e3 * scene.removal.aspiration_reach);
+  const DeviceSettings& d = scene.device;
+  line(out, "device     %s: %.3g N, %.3g N m, %.4g N/s, %.3g m/s, workspace radius %.0f mm, %.4g N/m",
+       scene.device_name.c_str(), d.max_force, d.max_torque, d.max_force_rate, d.max_speed,
+       1e3 * d.workspace_radius, scene.device_stiffness);
+  line(out, "mapping    position x %.4g, force x %.4g", d.position_scale, d.force_scale);
+  for (const DeviceSettings& more : scene.more_devices)
+    line(out, "device     id %u beside it, with tissue of its own: %.3g N, %.4g N/s", more.id, more.max_force,
+         more.max_force_rate);
+  const double felt = felt_stiffness(scene);
+  line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
+       felt > 1.001 * scene.device_stiffness ? ": MORE than the device displays stably" : "");
+  if (scene.ros2) line(out, "ros2       rt/haptic/%u/pose, /twist, /wrench at 50 Hz", scene.device.id);
+  if (scene.trajectory) {
+    const Trajectory trajectory = read_trajectory(*scene.trajectory, LengthUnit::metre);
+    line(out, "trajectory %s: %.1f s, %zu samples", scene.trajectory->string().c_str(),
+         trajectory.end() - trajectory.begin(), trajectory.samples.size());
+  }
+  return out;
+}
+
+}  // namespace hapticd

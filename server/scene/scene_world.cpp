@@ -1,0 +1,73 @@
+#include "server/scene/scene_world.h"
+
+#include <algorithm>
+
+namespace hapticd {
+
+namespace {
+
+// When a published problem is used, in steps after its pose was latched: from 0.4 on, for one step.
+constexpr double middle_of_use = 0.9;
+// Steps between two samples of a compliance's error: each costs two solves and an assembly, and what a base
+// is off by changes slowly.
+constexpr int error_sample_every = 25;
+// Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
+constexpr double haptic_margin = 0.15;  // in alarm distances
+// A hyperstatic patch (contact/README.md) may use them all; its residual is then below 1e-4 already.
+constexpr int haptic_max_sweeps = 50;
+
+bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
+
+}  // namespace
+
+WorldSettings world_settings(const Scene& scene) {
+  WorldSettings settings;
+  settings.h = 1.0 / scene.rate;
+  settings.alarm_distance = scene.alarm_distance;
+  settings.sample_spacing = scene.sample_spacing;
+  settings.contact = scene.contact;
+  settings.gravity = scene.gravity;
+  settings.compliance = scene.compliance;
+  settings.compliance_options.base_on_the_spot = false;  // a thread makes them (base_maker.h)
+  settings.compliance_options.rounded_base = true;
+  settings.compliance_options.sample_every = error_sample_every;
+  settings.lead = middle_of_use / scene.rate;
+  settings.coupling = scene.coupling;
+  settings.removal = scene.removal;
+  for (ContactPair pair : scene.contacts) {
+    // Two obstacles have nothing to say to each other.
+    if (!deforms(scene.bodies[pair.points]) && !deforms(scene.bodies[pair.faces])) continue;
+    if (!scene.friction) pair.friction = 0;
+    settings.body_contact.pairs.push_back(pair);
+  }
+  return settings;
+}
+
+std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& settings) {
+  std::vector<BodySettings> bodies;
+  for (const SceneBody& b : scene.bodies)
+    bodies.push_back({b.name, deforms(b), b.mesh, b.material, b.fixed_nodes, scene.friction ? b.friction : 0,
+                      b.removable && deforms(b), b.corotational, b.dynamic});
+  return std::make_unique<World>(std::move(bodies), scene.instrument, settings);
+}
+
+std::unique_ptr<World> make_world(const Scene& scene) { return make_world(scene, world_settings(scene)); }
+
+HapticOptions haptic_options(const Scene& scene) {
+  HapticOptions options;
+  options.contact.linearisations = 2;
+  // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
+  options.contact.margin = scene.contact == Renewal::frozen ? 0 : haptic_margin * scene.alarm_distance;
+  options.contact.coulomb.max_sweeps = haptic_max_sweeps;
+  options.viscous.step = 1 / scene.rate;
+  for (std::size_t b = 0; b < std::min(scene.bodies.size(), options.viscous.relaxation.size()); ++b)
+    options.viscous.relaxation[b] = scene.bodies[b].material.rayleigh_stiffness;
+  const DeviceSettings& device = scene.device;
+  options.viscous.lag =
+      lag_for(device.quantum, scene.coupling.stiffness * device.position_scale * device.force_scale,
+              *std::max_element(options.viscous.relaxation.begin(), options.viscous.relaxation.end()),
+              1e-9 * static_cast<double>(options.watchdog.period_ns));
+  return options;
+}
+
+}  // namespace hapticd

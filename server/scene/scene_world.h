@@ -1,0 +1,19 @@
+// From a checked scene to the world the simulation steps, and to how the haptic loop solves its problems.
+#pragma once
+
+#include <memory>
+
+#include "haptic/haptic_step.h"
+#include "physics/simulation/world.h"
+#include "server/scene/scene.h"
+
+namespace hapticd {
+
+WorldSettings world_settings(const Scene& scene);
+HapticOptions haptic_options(const Scene& scene);
+
+// Throws std::invalid_argument where the physics refuses what the scene reader could not see.
+std::unique_ptr<World> make_world(const Scene& scene);
+std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& settings);
+
+}  // namespace hapticd

@@ -1,0 +1,413 @@
+// A body's condensed system without elements that just went: the same as condensing afresh without them.
+#include "physics/simulation/step/interim.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "physics/simulation/step/look_ahead.h"
+#include "physics/simulation/world.h"
+#include "tests/support/mesh_shapes.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double h = 0.02;
+const Vec3 gravity(0, 0, -9.81);
+
+BodySettings soft_block(int n, bool corotational, double density = 1000) {
+  BodySettings b{"block", true, box_mesh(Vec3(0.02, 0.02, 0.02), n, n, n), {5000, 0.4, density, 5, 0.002}, {},
+                 0.2,     true};
+  b.fixed_nodes = b.mesh.group("bottom")->nodes;
+  b.corotational = corotational;
+  return b;
+}
+
+// Sheared by a fifth and thrown sideways.
+void disturb(Body& body) {
+  for (int n = 0; n < body.model.node_count(); ++n) {
+    if (body.model.fixed[n]) continue;
+    body.state.x[n].x() += 0.2 * body.state.x[n].z();
+    body.state.v[n] = Vec3(0.01, 10 * body.state.x[n].z(), -0.02);
+  }
+  update_rotations(body.model, body.state);
+}
+
+int highest_node(const Body& body) {
+  int best = 0;
+  for (int n = 0; n < body.model.node_count(); ++n)
+    if (body.rest[n].sum() > body.rest[best].sum()) best = n;
+  return best;
+}
+
+// Every tetrahedron at the free corner, which loses its node, and one that shares a face with one of them.
+std::vector<int> corner_and_neighbour(const Body& body) {
+  const int corner = highest_node(body);
+  std::vector<int> tets;
+  for (int t = 0; t < body.model.tet_count(); ++t)
+    if (std::count(body.model.mesh.tets[t].begin(), body.model.mesh.tets[t].end(), corner) > 0)
+      tets.push_back(t);
+  for (int face = 0; face < 4; ++face)
+    if (const int across = body.model.across[4 * tets[0] + face];
+        across >= 0 && std::count(tets.begin(), tets.end(), across / 4) == 0) {
+      tets.push_back(across / 4);
+      break;
+    }
+  return tets;
+}
+
+// Nodes above the middle that have an element left, then whatever else went.
+std::vector<int> nodes_of_interest(const Body& body, std::span<const int> gone, int& kept) {
+  std::vector<int> nodes;
+  for (int n = 0; n < body.model.node_count(); ++n)
+    if (body.rest[n].z() > 0.012 && body.state.live_tets_of_node[n] > 0) nodes.push_back(n);
+  kept = static_cast<int>(nodes.size());
+  for (const int t : gone)
+    for (const int n : body.model.mesh.tets[t])
+      if (std::count(nodes.begin(), nodes.end(), n) == 0) nodes.push_back(n);
+  return nodes;
+}
+
+struct Case {
+  bool ahead;
+  ComplianceMethod method;
+  double density;
+  double tolerance;
+};
+
+class Without : public testing::TestWithParam<Case> {};
+
+TEST_P(Without, IsTheSystemCondensedAfreshWithoutThem) {
+  const auto [ahead, method, density, tolerance] = GetParam();
+  Body body(soft_block(4, ahead, density), h, gravity, method),
+      other(soft_block(4, ahead, density), h, gravity);
+  disturb(body);
+  disturb(other);
+  std::vector<int> all(body.model.node_count());
+  for (std::size_t n = 0; n < all.size(); ++n) all[n] = static_cast<int>(n);
+  body.compliance->move_zone(all);
+  other.compliance->move_zone(all);
+  const auto linearise = [&](Body& b) {
+    if (ahead) {
+      for (int n = 0; n < b.model.node_count(); ++n)
+        b.dx_free.segment<3>(3 * n) =
+            b.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(1e-4 * Vec3(1, -2, 3) * b.rest[n].z() / 0.02);
+      linearise_ahead(b, h);
+    } else {
+      b.compliance->update(b.state);
+      compute_free_motion(b, h);
+    }
+  };
+  linearise(body);
+  const std::vector<int> tets = corner_and_neighbour(body);
+  ASSERT_EQ(take_out(body, tets).size(), tets.size());
+  ASSERT_EQ(body.state.live_tets_of_node[highest_node(body)], 0);
+  int kept = 0;
+  const std::vector<int> nodes = nodes_of_interest(body, tets, kept);
+  Condensed interim;
+  ASSERT_TRUE(condense_without(body, tets, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
+                               VecX::Zero(3 * nodes.size()), 0, interim));
+
+  remove_from(other, tets);
+  linearise(other);
+  MatX C(3 * kept, 3 * kept);
+  other.compliance->patch(std::span(nodes).first(kept), C);
+  VecX dx(3 * kept);
+  for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = other.dx_free.segment<3>(3 * nodes[i]);
+  EXPECT_LT((interim.C - C).norm(), tolerance * C.norm());
+  EXPECT_LT((interim.dx_free - dx).norm(), tolerance * dx.norm());
+}
+
+// The last: next to no mass, and what a nearly static piece amplifies.
+INSTANTIATE_TEST_SUITE_P(Bodies, Without,
+                         testing::Values(Case{false, ComplianceMethod::exact, 1000, 1e-10},
+                                         Case{true, ComplianceMethod::exact, 1000, 1e-10},
+                                         Case{false, ComplianceMethod::zone, 1000, 1e-10},
+                                         Case{true, ComplianceMethod::zone, 1000, 1e-10},
+                                         Case{true, ComplianceMethod::exact, 1e-3, 1e-8}));
+
+// A body that loses nothing while another does: the problem that its own factor gives.
+TEST(Interim, OfABodyThatLosesNothingIsItsPlainProblem) {
+  for (const auto method : {ComplianceMethod::exact, ComplianceMethod::zone})
+    for (const bool ahead : {false, true}) {
+      Body body(soft_block(4, ahead), h, gravity, method);
+      disturb(body);
+      std::vector<int> all(body.model.node_count());
+      for (std::size_t n = 0; n < all.size(); ++n) all[n] = static_cast<int>(n);
+      body.compliance->move_zone(all);
+      body.compliance->update(body.state);
+      compute_free_motion(body, h);
+      finish_free_motion(body, nullptr);
+      if (ahead) linearise_ahead(body, h);
+      int kept = 0;
+      const std::vector<int> nodes = nodes_of_interest(body, {}, kept);
+      ASSERT_EQ(kept, static_cast<int>(nodes.size()));
+      know_free_motion(body, nodes);
+      VecX force(3 * kept);
+      for (int i = 0; i < 3 * kept; ++i) force[i] = 1e-3 * std::sin(i);
+      Condensed interim;
+      ASSERT_TRUE(condense_without(body, {}, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
+                                   force, 0, interim));
+      MatX C(3 * kept, 3 * kept);
+      body.compliance->patch(nodes, C);
+      VecX dx(3 * kept);
+      for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = body.dx_free.segment<3>(3 * nodes[i]);
+      EXPECT_LT((interim.C - C).norm(), 1e-14 * C.norm());
+      EXPECT_LT((interim.dx_free - dx).norm(), 1e-14 * dx.norm());
+      EXPECT_LT((interim.dx_pressed - dx - C * force).norm(), 1e-14 * interim.dx_pressed.norm());
+      EXPECT_TRUE(interim.changed.empty());
+    }
+}
+
+TEST(Interim, OfNodesThatTheZoneDoesNotCoverThereIsNone) {
+  Body body(soft_block(4, false), h, gravity);
+  const std::vector<int> zone = {highest_node(body)};
+  body.compliance->move_zone(zone);
+  body.compliance->update(body.state);
+  compute_free_motion(body, h);
+  const std::vector<int> tets = corner_and_neighbour(body);
+  take_out(body, tets);
+  int kept = 0;
+  const std::vector<int> nodes = nodes_of_interest(body, tets, kept);
+  Condensed interim;
+  EXPECT_FALSE(condense_without(body, tets, {}, Linearised::here, h, nodes, kept,
+                                VecX::Zero(3 * nodes.size()), 0, interim));
+}
+
+// Sheared by `angle` above where it is, foreseen.
+void look_ahead_to(Body& body, double angle) {
+  for (int n = 0; n < body.model.node_count(); ++n)
+    body.dx_free.segment<3>(3 * n) =
+        body.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(angle * body.rest[n].z() * Vec3(1, 0.3, -0.2));
+  linearise_ahead(body, h);
+}
+
+std::vector<int> all_nodes(const Body& body) {
+  std::vector<int> nodes(body.model.node_count());
+  for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n] = static_cast<int>(n);
+  return nodes;
+}
+
+// With rotations held a body is linear, whatever it was linearised at: all that counts is the rotations.
+TEST(Turned, AllOfThemAreABodyLinearisedThere) {
+  Body body(soft_block(3, true), h, gravity), other(soft_block(3, true), h, gravity);
+  const std::vector<int> nodes = all_nodes(body);
+  for (Body* b : {&body, &other}) {
+    disturb(*b);
+    b->compliance->move_zone(nodes);
+  }
+  look_ahead_to(body, 0.05);
+  look_ahead_to(other, 0.4);
+  std::vector<Turned> turned;
+  for (int t = 0; t < body.model.tet_count(); ++t) turned.push_back({t, other.state.rotation[t]});
+  const int count = static_cast<int>(nodes.size());
+  Condensed condensed;
+  ASSERT_TRUE(condense_without(body, {}, turned, Linearised::ahead, h, nodes, count, VecX::Zero(3 * count), 0,
+                               condensed));
+  MatX C(3 * count, 3 * count);
+  other.compliance->patch(nodes, C);
+  EXPECT_LT((condensed.C - C).norm(), 1e-9 * C.norm());
+  EXPECT_LT((condensed.dx_free - other.dx_free).norm(), 1e-9 * other.dx_free.norm());
+  EXPECT_GT((body.dx_free - other.dx_free).norm(), 1e-3 * other.dx_free.norm()) << "it matters";
+
+  // … and forces on the body as it was do to it what the change does.
+  VecX f(3 * count), moved(3 * count);
+  for (Eigen::Index i = 0; i < f.size(); ++i) f[i] = 1e-3 * std::sin(7.0 * static_cast<double>(i));
+  VecX both = f;
+  const VecX change = force_of_change(condensed, f);
+  for (std::size_t g = 0; g < condensed.changed.size(); ++g)
+    both.segment<3>(3 * condensed.changed[g]) += change.segment<3>(static_cast<Eigen::Index>(3 * g));
+  body.compliance->apply(both, moved);
+  const VecX expected = condensed.dx_free + condensed.C * f;
+  EXPECT_LT((body.dx_free + moved - expected).norm(), 1e-9 * expected.norm());
+}
+
+TEST(Turned, ARigidTurnIsFoundAndRestIsNot) {
+  Body body(soft_block(3, true), h, gravity);
+  body.compliance->move_zone(all_nodes(body));
+  body.compliance->update(body.state);
+  VecX dx = VecX::Zero(3 * body.model.node_count());
+  EXPECT_TRUE(turned_elements(body, dx, 1e-12).empty());
+  const Mat3 turn = Eigen::AngleAxisd(0.3, Vec3(1, 2, 2).normalized()).matrix();
+  for (int n = 0; n < body.model.node_count(); ++n)
+    if (!body.model.fixed[n]) dx.segment<3>(3 * n) = turn * body.rest[n] - body.rest[n];
+  int whole = 0, nodes = 0;
+  std::vector<int> named(body.state.x.size(), 0);
+  for (const Turned& t : turned_elements(body, dx, 1e-12)) {
+    const Tet& tet = body.model.mesh.tets[t.tet];
+    for (const int n : tet) nodes += std::exchange(named[n], 1) == 0;
+    if (std::any_of(tet.begin(), tet.end(), [&](int n) { return body.model.fixed[n] != 0; })) continue;
+    ++whole;
+    EXPECT_LT((t.R - turn).norm(), 1e-9);
+  }
+  EXPECT_GT(whole, 0);
+  EXPECT_LE(nodes, most_turned_nodes);
+}
+
+class PressedWorld : public testing::Test {
+ protected:
+  static InstrumentSample sample() { return {{Vec3(0.01, 0.01, 0.0215), Quat::Identity()}, true}; }
+
+  static std::unique_ptr<World> world(bool corotational, const BodySettings* second = nullptr) {
+    WorldSettings s;
+    s.h = h;
+    s.alarm_distance = 3e-3;
+    s.sample_spacing = 1e-3;
+    s.coupling = {500, 0.05, 0};
+    s.lead = 0.9 * h;
+    Instrument instrument;
+    Primitive tip;
+    tip.shape = Shape::sphere;
+    tip.radius = 3e-3;
+    instrument.primitives = {tip};
+    std::vector<BodySettings> bodies;
+    bodies.push_back(soft_block(6, corotational));
+    bodies[0].friction = 0;
+    if (second) bodies.push_back(*second);
+    return std::make_unique<World>(std::move(bodies), instrument, s);
+  }
+
+  // The six nearest to the tip.
+  static std::vector<int> under_tip(const World& w) {
+    const Body& body = w.bodies()[0];
+    std::vector<std::pair<double, int>> all;
+    for (int t = 0; t < body.model.tet_count(); ++t) {
+      Vec3 c = Vec3::Zero();
+      for (const int n : body.model.mesh.tets[t]) c += 0.25 * body.state.x[n];
+      all.emplace_back((c - sample().pose.p).norm(), t);
+    }
+    std::sort(all.begin(), all.end());
+    std::vector<int> nearest;
+    for (int k = 0; k < 6; ++k) nearest.push_back(all[k].second);
+    return nearest;
+  }
+
+  std::unique_ptr<CondensedProblem> first = std::make_unique<CondensedProblem>(),
+                                    second = std::make_unique<CondensedProblem>();
+  int published = 0;
+
+  StepReport step(World& w) {
+    return w.step([] { return sample(); }, *first,
+                  [&]() -> CondensedProblem& {
+                    ++published;
+                    return *second;
+                  });
+  }
+};
+
+TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
+  for (const bool corotational : {false, true}) {
+    const auto w = world(corotational);
+    published = 0;
+    StepReport report;
+    for (int i = 0; i < 40; ++i) report = step(*w);
+    EXPECT_EQ(published, 0);
+    EXPECT_FALSE(report.interim);
+    const Vec3 before = report.contact.wrench.head<3>();
+    EXPECT_GT(before.z(), 1e-3);
+    const std::uint64_t last = first->step;
+
+    const std::vector<int> gone = under_tip(*w);
+    w->schedule_removal(0, gone);
+    report = step(*w);
+    EXPECT_EQ(published, 1);
+    EXPECT_TRUE(report.interim);
+    EXPECT_EQ(first->step, last + 1);
+    EXPECT_EQ(second->step, last + 2);
+    EXPECT_TRUE(first->topology_changed);
+    EXPECT_FALSE(second->topology_changed) << "since the interim problem nothing went";
+    ASSERT_GT(first->samples, 0);
+    ASSERT_EQ(first->samples, second->samples);
+    for (int k = 0; k < first->samples; ++k) {
+      const auto tet =
+          static_cast<int>(first->sample[k].id >> 14);  // a face is 4 tet + side, a sample 4096 of it
+      EXPECT_EQ(std::count(gone.begin(), gone.end(), tet), 0);
+      EXPECT_EQ(first->sample[k].id, second->sample[k].id);
+    }
+    // The step's own solve is of the same system at the same pose, linearised where the body is.
+    ContactState state;
+    const auto scratch = std::make_unique<ContactScratch>();
+    ContactOptions options;
+    options.linearisations = 8;
+    options.margin = contact_margin * 3e-3;
+    const Vec3 interim =
+        solve_contact(*first, w->instrument(), sample().pose, h, options, state, *scratch).wrench.head<3>();
+    const Vec3 own = report.contact.wrench.head<3>();
+    EXPECT_LT((interim - own).norm(), (corotational ? 1e-2 : 1e-3) * own.norm());
+    EXPECT_GT((before - own).norm(), 0.05 * before.norm()) << "it was worth an interim problem";
+    EXPECT_FALSE(step(*w).interim);
+  }
+}
+
+// The tip presses two blocks, which stand in one another as bodies without a pair may; one of them loses
+// elements.
+TEST_F(PressedWorld, WhatAnotherBodyLosesLeavesAPressedBodysProblemAlone) {
+  BodySettings other = soft_block(9, true);  // so fine that Eigen takes its products in blocks
+  other.name = "other";
+  other.removable = false;
+  other.material.rayleigh_stiffness = 0;  // or its x_free would be moved with x_now
+  for (Vec3& x : other.mesh.nodes) x.x() += 0.012;
+  const auto w = world(true, &other);
+  for (int i = 0; i < 40; ++i) step(*w);
+  const auto before = std::make_unique<CondensedProblem>(*first);
+  w->schedule_removal(0, under_tip(*w));
+  ASSERT_TRUE(step(*w).interim);
+
+  // Its samples by name, and through them its nodes in both problems.
+  std::vector<std::pair<int, int>> node;  // in the problem before, in the interim one
+  for (int k = 0; k < before->samples; ++k)
+    for (int j = 0; j < first->samples; ++j)
+      if (before->sample[k].id >> 56 == 1 && before->sample[k].id == first->sample[j].id)
+        for (int c = 0; c < 3; ++c) node.emplace_back(before->sample[k].node[c], first->sample[j].node[c]);
+  ASSERT_GE(node.size(), 9u);
+  double most = 0;
+  for (const auto& [i, m] : node) {
+    EXPECT_LT((before->x_free[i] - first->x_free[m]).norm(), 1e-12);
+    for (const auto& [j, n] : node) {
+      const Mat3 C = before->C().block<3, 3>(3 * i, 3 * j);
+      most = std::max(most, C.norm());
+      EXPECT_LT((C - first->C().block<3, 3>(3 * m, 3 * n)).norm(), 1e-10 * most);
+    }
+  }
+  EXPECT_GT(most, 0);
+}
+
+// The tip goes on sideways after the step in which elements went.
+TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
+  const auto w = world(true);
+  for (int i = 0; i < 40; ++i) step(*w);
+  const auto refreshed = std::make_unique<CondensedProblem>();
+  InstrumentSample moved = sample();
+  moved.pose.p += Vec3(0.5e-3, 0, -0.5e-3);
+  EXPECT_FALSE(w->refresh(moved, *refreshed)) << "nothing went";
+  w->schedule_removal(0, under_tip(*w));
+  step(*w);
+  ASSERT_TRUE(w->refresh(moved, *refreshed));
+  EXPECT_EQ(refreshed->step, second->step + 1);
+  EXPECT_FALSE(refreshed->topology_changed);
+  ASSERT_EQ(refreshed->nodes, second->nodes);
+  ASSERT_EQ(refreshed->samples, second->samples);
+  for (int n = 0; n < refreshed->nodes; ++n) EXPECT_EQ(refreshed->x_now[n], second->x_now[n]);
+
+  // Newton's method: what is left to change is little.
+  const auto force = [&](const CondensedProblem& problem) {
+    ContactState state;
+    const auto scratch = std::make_unique<ContactScratch>();
+    ContactOptions options;
+    options.linearisations = 8;
+    options.margin = contact_margin * 3e-3;
+    return Vec3(
+        solve_contact(problem, w->instrument(), moved.pose, h, options, state, *scratch).wrench.head<3>());
+  };
+  const Vec3 once = force(*refreshed);
+  const double change = (once - force(*second)).norm();
+  EXPECT_GT(change, 1e-3 * once.norm());
+  ASSERT_TRUE(w->refresh(moved, *refreshed));
+  EXPECT_LT((force(*refreshed) - once).norm(), 0.2 * change);
+}
+
+}  // namespace
+}  // namespace hapticd

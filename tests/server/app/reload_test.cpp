@@ -1,0 +1,113 @@
+#include "server/app/reload.h"
+
+#include <unistd.h>
+
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include "server/files/input_error.h"
+#include "server/files/paths.h"
+#include "server/scene/scene_reader.h"
+
+namespace hapticd {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The cube scene with a device file of its own, in a folder of its own.
+struct ReloadedScene : testing::Test {
+  fs::path folder = fs::temp_directory_path() / ("hapticd-reload-" + std::to_string(getpid()));
+  fs::path scene = folder / "cube.yaml", device = folder / "touch.yaml";
+
+  ReloadedScene() {
+    fs::remove_all(folder);
+    fs::copy(fs::path(SOURCE_DIR) / "config/scenes/cube", folder);
+    fs::copy(fs::path(SOURCE_DIR) / "config/devices/touch.yaml", device);
+    change(scene, "device: touch", "device: touch.yaml");
+  }
+  ~ReloadedScene() override { fs::remove_all(folder); }
+
+  static void change(const fs::path& file, const std::string& from, const std::string& to) {
+    std::string text = read_bytes(file);
+    const std::size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    std::ofstream(file) << text.replace(at, from.size(), to);
+  }
+  Reloader reloader() const { return Reloader(read_scene(scene), "", {}); }
+};
+
+using Lines = std::vector<std::string>;
+
+TEST_F(ReloadedScene, UnchangedNothingIsTaken) {
+  const Reload r = reloader().read();
+  EXPECT_TRUE(r.taken.empty() && r.clamped.empty() && r.not_taken.empty());
+  ASSERT_EQ(r.tunings.size(), 1u);
+  EXPECT_EQ(r.tunings[0], tuning_of(read_scene(scene).device));
+}
+
+TEST_F(ReloadedScene, LimitsScalesAndLoggingAreTakenTheRestIsNamed) {
+  Reloader reloader = this->reloader();
+  change(device, "max_force: 3.3", "max_force: 2");
+  change(scene, "force_scale: 1", "force_scale: 0.5");
+  change(scene, "rate: 50", "rate: 100");
+  change(scene, "young: 5.0e3", "young: 6.0e3");
+  std::ofstream(scene, std::ios::app) << "\nlogging: {level: debug}\n";
+  const Reload r = reloader.read();
+  EXPECT_EQ(r.taken, (Lines{"logging.level info → debug", "device 0: max_force 3.3 → 2",
+                            "device 0: force_scale 1 → 0.5"}));
+  EXPECT_EQ(r.not_taken,
+            (Lines{"bodies[0].material.young (restart for it)", "simulation.rate (restart for it)"}));
+  EXPECT_TRUE(r.clamped.empty());
+  EXPECT_EQ(r.tunings[0].max_force, 2);
+  EXPECT_EQ(r.tunings[0].force_scale, 0.5);
+  EXPECT_EQ(r.log_level, "debug");
+  // Again: taken is taken, what was not is still not.
+  const Reload again = reloader.read();
+  EXPECT_TRUE(again.taken.empty());
+  EXPECT_EQ(again.not_taken.size(), 2u);
+}
+
+TEST_F(ReloadedScene, NothingGoesBeyondWhatTheDeviceStartedWith) {
+  Reloader reloader = this->reloader();
+  change(device, "max_force: 3.3", "max_force: 30");
+  change(scene, "force_scale: 1", "force_scale: 4");  // coupling 400 N/m, and the device displays 400
+  const Reload r = reloader.read();
+  EXPECT_TRUE(r.taken.empty());
+  EXPECT_EQ(r.clamped, (Lines{"device 0: max_force 30 is beyond what the device started with: 3.3",
+                              "device 0: force_scale 4 is beyond what the device displays stably: 1"}));
+  EXPECT_EQ(r.tunings[0],
+            tuning_of(read_scene(fs::path(SOURCE_DIR) / "config/scenes/cube/cube.yaml").device));
+}
+
+TEST_F(ReloadedScene, AnotherDeviceIsNotTakenNorItsLimits) {
+  Reloader reloader = this->reloader();
+  change(scene, "device: touch.yaml", "device: premium_1_5");
+  const Reload r = reloader.read();
+  EXPECT_EQ(r.not_taken, (Lines{"device (restart for it)"}));
+  EXPECT_EQ(r.tunings[0].max_force, 3.3);
+}
+
+TEST_F(ReloadedScene, ANewerMeshIsNamed) {
+  Reloader reloader = this->reloader();
+  fs::last_write_time(folder / "cube.msh",
+                      fs::last_write_time(folder / "cube.msh") + std::chrono::seconds(5));
+  const Reload r = reloader.read();
+  ASSERT_EQ(r.not_taken.size(), 1u);
+  EXPECT_NE(r.not_taken[0].find("cube.msh: a newer mesh"), std::string::npos);
+}
+
+TEST_F(ReloadedScene, AFaultIsNamedByFileLineAndKey) {
+  Reloader reloader = this->reloader();
+  change(scene, "force_scale: 1", "force_scale: plenty");
+  try {
+    reloader.read();
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.key(), "mapping.force_scale");
+    EXPECT_GT(e.line(), 0);
+  }
+}
+
+}  // namespace
+}  // namespace hapticd

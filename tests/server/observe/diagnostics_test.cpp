@@ -1,0 +1,149 @@
+#include "server/observe/diagnostics.h"
+
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include <gtest/gtest.h>
+
+namespace hapticd {
+namespace {
+
+bool within_two_seconds(const std::function<bool()>& done) {
+  for (int i = 0; i < 400; ++i) {
+    if (done()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
+Scene tetrahedron() {
+  Scene scene;
+  scene.name = "one tetrahedron";
+  scene.device.id = 3;
+  SceneBody body;
+  body.name = "tissue";
+  body.mesh.nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  body.mesh.tets = {{0, 1, 2, 3}};
+  scene.bodies.push_back(body);
+  return scene;
+}
+
+TEST(Diagnostics, BitsArePackedLeastSignificantFirst) {
+  std::vector<std::uint8_t> bits;
+  pack_bits({1, 0, 0, 1, 1, 1, 1, 1, 0, 1}, bits);
+  EXPECT_EQ(bits, (std::vector<std::uint8_t>{0b11111001, 0b10}));
+}
+
+TEST(Diagnostics, SummaryIsInTheUnitsItsNamesSay) {
+  LoopStatistics s;
+  for (int i = 0; i < 900; ++i) s.wake.record(50'000);
+  s.problem_age.record(20'000'000);
+  s.run = 990;
+  s.missed = 10;
+  s.answered = 980;
+  s.deadline_misses = 2;
+  s.force_peak = 1.5;
+  s.penetration_max = 12e-6;
+  s.first_ns = 1'000'000'000;
+  s.next_ns = 2'000'000'000;
+  const nlohmann::json j = loop_summary(s);
+  EXPECT_NEAR(j["haptic_rate_hz"].get<double>(), 990, 1e-9);
+  EXPECT_EQ(j["haptic_deadline_misses"], 2);
+  EXPECT_EQ(j["slots_scheduled"], 1000);
+  EXPECT_EQ(j["slots_sent"], 990);
+  EXPECT_EQ(j["slots_answered"], 980);
+  EXPECT_NEAR(j["wake_us"]["p50"].get<double>(), 50, 0.5);
+  EXPECT_NEAR(j["problem_age_ms"]["max"].get<double>(), 20, 1e-9);
+  EXPECT_NEAR(j["penetration_max_um"].get<double>(), 12, 1e-9);
+  EXPECT_EQ(j["force_peak_n"], 1.5);
+}
+
+TEST(Diagnostics, LateReaderGetsTheSceneAndTheRecordingHasEveryTick) {
+  const Domain domain((static_cast<std::uint32_t>(getpid()) + 100) % 200, read_dds_profile("loopback"));
+  const Participant daemon(domain);
+  const Scene scene = tetrahedron();
+  LoopStatistics statistics;
+  Channel<SceneSnapshot> snapshots;
+  SpscQueue<ForceRecord> history(64);
+  const std::filesystem::path file = testing::TempDir() + "forces_" + std::to_string(getpid()) + ".csv";
+  {
+    Diagnostics diagnostics(daemon, scene, statistics, snapshots, history, file);
+    diagnostics.start();
+    SceneSnapshot& snapshot = snapshots.back();
+    snapshot.step = 5;
+    snapshot.bodies = {{{0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1.25f}, {1}}};
+    snapshot.elements_removed = 17;
+    snapshots.publish();
+    for (std::uint64_t i = 1; i <= 10; ++i) {
+      ForceRecord record;
+      record.time_ns = 5'000'000'000 + static_cast<std::int64_t>(i) * 1'000'000;
+      record.force.sequence = i;
+      record.force.force = Vec3(0, 0, 0.5);
+      history.push(record);
+    }
+
+    const Participant client(domain);
+    Reader<hapticd_msg_SceneGeometry> geometry(client);
+    Reader<hapticd_msg_SceneUpdate> update(client);
+    Reader<hapticd_msg_ServerStatus> status(client);
+    std::string name;
+    std::size_t nodes = 0;
+    EXPECT_TRUE(within_two_seconds([&] {
+      geometry.take_each([&](const hapticd_msg_SceneGeometry& m, const dds_sample_info_t&) {
+        name = m.name;
+        nodes = m.nodes._length;
+      });
+      return !name.empty();
+    }));
+    EXPECT_EQ(name, "tissue");
+    EXPECT_EQ(nodes, 12u);
+    float z = 0;
+    EXPECT_TRUE(within_two_seconds([&] {
+      update.take_each(
+          [&](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) { z = m.nodes._buffer[11]; });
+      return z > 0;
+    }));
+    EXPECT_EQ(z, 1.25f);
+    std::uint32_t removed = 0;
+    EXPECT_TRUE(within_two_seconds([&] {
+      status.take_each([&](const hapticd_msg_ServerStatus& m, const dds_sample_info_t&) {
+        EXPECT_EQ(m.device_id, 3u);
+        EXPECT_STREQ(m.scene, "one tetrahedron");
+        removed = m.elements_removed;
+      });
+      return removed > 0;
+    }));
+    EXPECT_EQ(removed, 17u);
+    diagnostics.stop();
+    EXPECT_FALSE(diagnostics.recording_failed());
+  }
+  std::ifstream in(file);
+  std::string header, line, last;
+  std::getline(in, header);
+  EXPECT_TRUE(header.starts_with("t,tick,echo,px,"));
+  int lines = 0;
+  while (std::getline(in, line)) {
+    ++lines;
+    last = line;
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), std::count(header.begin(), header.end(), ','));
+  }
+  EXPECT_EQ(lines, 10);
+  EXPECT_TRUE(last.starts_with("0.009000,10,"));
+  std::filesystem::remove(file);
+}
+
+TEST(Diagnostics, RecordingThatCannotBeWrittenIsNamed) {
+  try {
+    ForceRecordWriter writer("/no/such/folder/forces.csv");
+    FAIL();
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("/no/such/folder/forces.csv"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace hapticd

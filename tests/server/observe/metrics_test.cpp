@@ -1,0 +1,130 @@
+#include "server/observe/metrics.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <regex>
+#include <set>
+#include <sstream>
+
+#include <gtest/gtest.h>
+
+#include "server/observe/metrics_server.h"
+
+namespace hapticd {
+namespace {
+
+MetricsSource device(std::uint32_t id) {
+  MetricsSource m;
+  m.device_id = id;
+  m.ticks = 1000;
+  Histogram wake;
+  for (std::int64_t ns : {1'000, 5'000, 5'000, 1'000'000, 500'000'000}) wake.record(ns);
+  m.wake = wake.snapshot();
+  return m;
+}
+
+std::string line_of(const std::string& text, const std::string& begin) {
+  const std::size_t at = text.find("\n" + begin);
+  return at == std::string::npos ? "" : text.substr(at + 1, text.find('\n', at + 1) - at - 1);
+}
+
+// 1 µs, 5 µs twice, 1 ms, 0.5 s: cumulative counts by hand.
+TEST(Metrics, AHistogramIsCumulativeAndComplete) {
+  const std::string text = prometheus_text({}, {device(0)});
+  const std::string name = "hapticd_haptic_wake_seconds";
+  EXPECT_EQ(line_of(text, name + "_bucket{device=\"0\",le=\"4.096e-06\"}"),
+            name + "_bucket{device=\"0\",le=\"4.096e-06\"} 1");
+  EXPECT_EQ(line_of(text, name + "_bucket{device=\"0\",le=\"6.144e-06\"}"),
+            name + "_bucket{device=\"0\",le=\"6.144e-06\"} 3");
+  EXPECT_EQ(line_of(text, name + "_bucket{device=\"0\",le=\"0.001048576\"}"),
+            name + "_bucket{device=\"0\",le=\"0.001048576\"} 4");
+  EXPECT_EQ(line_of(text, name + "_bucket{device=\"0\",le=\"+Inf\"}"),
+            name + "_bucket{device=\"0\",le=\"+Inf\"} 5");
+  EXPECT_EQ(line_of(text, name + "_count"), name + "_count{device=\"0\"} 5");
+  EXPECT_EQ(line_of(text, name + "_sum"), name + "_sum{device=\"0\"} 0.501011");
+}
+
+// Every line is a comment or a sample; each name's TYPE stands once, before its samples, which follow one
+// another.
+TEST(Metrics, IsInTheTextFormat) {
+  std::istringstream text(
+      prometheus_text({.version = "1\"x\\", .resident_bytes = 1e8, .uptime_s = 3, .grants_refused = 1},
+                      {device(0), device(7)}));
+  const std::regex sample(R"re(([a-z_]+)(\{[a-z]+="(\\.|[^"\\])*"(,le="[^"]+")?\})? (-?[0-9.e+-]+|\+Inf))re");
+  std::set<std::string> types;
+  std::string current;
+  int samples = 0;
+  for (std::string line; std::getline(text, line);) {
+    if (line.starts_with("# HELP ")) continue;
+    if (line.starts_with("# TYPE ")) {
+      current = line.substr(7, line.find(' ', 7) - 7);
+      EXPECT_TRUE(types.insert(current).second) << line;
+      continue;
+    }
+    std::smatch match;
+    ASSERT_TRUE(std::regex_match(line, match, sample)) << line;
+    EXPECT_TRUE(match[1].str().starts_with(current)) << line;
+    ++samples;
+  }
+  EXPECT_GT(samples, 100);
+  for (const char* name :
+       {"hapticd_haptic_deadline_misses_total", "hapticd_states_rejected_total", "hapticd_solver_caps_total",
+        "hapticd_elements_removed_total", "hapticd_haptic_step_seconds", "hapticd_simulation_step_seconds",
+        "hapticd_armed", "hapticd_second_daemon", "hapticd_foreign_forces_total"})
+    EXPECT_TRUE(types.contains(name)) << name;
+}
+
+std::string ask(std::uint16_t port, const std::string& request) {
+  const int s = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(port);
+  inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
+  std::string answer;
+  if (connect(s, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0 &&
+      write(s, request.data(), request.size()) == static_cast<ssize_t>(request.size())) {
+    char part[4096];
+    for (ssize_t n; (n = read(s, part, sizeof part)) > 0;) answer.append(part, static_cast<std::size_t>(n));
+  }
+  close(s);
+  return answer;
+}
+
+std::string get(const std::string& path, const std::string& host) {
+  return "GET " + path + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: close\r\n\r\n";
+}
+
+TEST(MetricsServer, AnswersGetOnLoopbackAndNothingElse) {
+  MetricsServer server("0", [] { return std::string("figures 1\n"); });
+  ASSERT_GT(server.port(), 0);
+  const std::string here = "localhost:" + std::to_string(server.port());
+  const std::string good = ask(server.port(), get("/metrics", here));
+  EXPECT_TRUE(good.starts_with("HTTP/1.1 200 ")) << good;
+  EXPECT_NE(good.find("text/plain; version=0.0.4"), std::string::npos);
+  EXPECT_TRUE(good.ends_with("\r\n\r\nfigures 1\n"));
+  EXPECT_TRUE(ask(server.port(), get("/metrics", "[::1]")).starts_with("HTTP/1.1 200 "));
+  EXPECT_TRUE(ask(server.port(), get("/", here)).starts_with("HTTP/1.1 404 "));
+  EXPECT_TRUE(ask(server.port(), get("/metrics", "evil.example")).starts_with("HTTP/1.1 403 "));
+  EXPECT_TRUE(ask(server.port(), get("/metrics", "127.0.0.1.evil.example")).starts_with("HTTP/1.1 403 "));
+  EXPECT_TRUE(
+      ask(server.port(),
+          "POST /metrics HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1\r\nConnection: close\r\n\r\nx")
+          .starts_with("HTTP/1.1 405 "));
+  const std::string garbage = ask(server.port(), std::string("\0\xff\r\n\r\n", 6));
+  EXPECT_EQ(garbage.find("200"), std::string::npos);
+  EXPECT_TRUE(ask(server.port(), get("/metrics", here)).starts_with("HTTP/1.1 200 "));
+}
+
+TEST(MetricsServer, RefusesWhatIsNotLoopback) {
+  for (const char* address : {"0.0.0.0:9464", "192.168.1.2:9464", "[::]:9464", "[2001:db8::1]:9464",
+                              "example.org:9464", "70000", "-1", "", "9464x", "127.0.0.1:"})
+    EXPECT_NE(metrics_address_fault(address), "") << address;
+  for (const char* address : {"9464", "127.0.0.1:9464", "127.1.2.3:0", "[::1]:9464", "localhost:9464"})
+    EXPECT_EQ(metrics_address_fault(address), "") << address;
+}
+
+}  // namespace
+}  // namespace hapticd

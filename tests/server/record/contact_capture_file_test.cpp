@@ -1,0 +1,153 @@
+// A captured problem comes back bit for bit and gives the same force; a damaged file is refused by name.
+#include "server/record/contact_capture_file.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "server/files/input_error.h"
+#include "tests/support/contact_problems.h"
+
+namespace hapticd {
+namespace {
+
+namespace fs = std::filesystem;
+
+class CaptureFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = fs::temp_directory_path() / ("capture_test_" + std::to_string(getpid()));
+    fs::create_directories(directory_);
+    file_ = directory_ / "000001.contact";
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  // A press with friction: the state of a loop and its next solve.
+  std::unique_ptr<CapturedProblem> pressed(Renewal renewal) {
+    Random random(3);
+    SheetSettings sheet;
+    sheet.friction = 0.4;
+    auto captured = std::make_unique<CapturedProblem>();
+    captured->instrument = sphere_instrument(3e-3);
+    captured->instrument.primitives.push_back(make_convex(
+        "wedge", {Vec3(0, 0, 9e-3), Vec3(1e-3, 0, 9e-3), Vec3(0, 1e-3, 9e-3), Vec3(0, 0, 10e-3)}, {}));
+    ContactCapture& c = captured->capture;
+    copy_in_use(*sheet_problem(random, sheet), c.problem);
+    c.problem.renewal = renewal;
+    c.problem.X_ref = {Vec3(0, 0, 2.8e-3), Quat::Identity()};
+    c.period = 1e-3;
+    c.linearisations = 2;
+    c.margin = 0.2e-3;
+    c.tolerance = 1e-9;
+    for (int tick = 0; tick < 20; ++tick) solve(*captured, c.state, tick);
+    ContactState after = c.state;
+    const ContactSolution out = solve(*captured, after, 20);
+    c.status = out.status;
+    c.residual = out.residual;
+    c.wrench = out.wrench;
+    return captured;
+  }
+
+  ContactSolution solve(CapturedProblem& p, ContactState& state, int tick) {
+    p.capture.X = {Vec3(1e-5 * tick, 0, 2.8e-3 - 2e-6 * tick), Quat::Identity()};
+    return again(p, state);
+  }
+
+  ContactSolution again(const CapturedProblem& p, ContactState& state) {
+    ContactOptions options;
+    options.linearisations = p.capture.linearisations;
+    options.margin = p.capture.margin;
+    options.coulomb.tolerance = p.capture.tolerance;
+    state.frozen_step = 0;
+    return solve_contact(p.capture.problem, p.instrument, p.capture.X, p.capture.period, options, state,
+                         *scratch_);
+  }
+
+  std::string bytes() const {
+    std::ifstream in(file_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  void expect_refused(const std::string& content, const std::string& word) {
+    std::ofstream(file_, std::ios::binary | std::ios::trunc) << content;
+    try {
+      read_capture(file_);
+      FAIL() << "was read: " << word;
+    } catch (const InputError& e) {
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+      EXPECT_NE(std::string(e.what()).find("000001.contact"), std::string::npos) << e.what();
+    }
+  }
+
+  fs::path directory_, file_;
+  std::unique_ptr<ContactScratch> scratch_ = std::make_unique<ContactScratch>();
+};
+
+TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
+  for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
+    const auto captured = pressed(renewal);
+    ASSERT_GT(captured->capture.wrench.norm(), 1e-4);
+    write_capture(file_, captured->instrument, captured->capture);
+    const std::string first = bytes();
+    const auto read = read_capture(file_);
+    ContactState state = read->capture.state;
+    EXPECT_EQ(again(*read, state).wrench, captured->capture.wrench);
+    write_capture(file_, read->instrument, read->capture);
+    EXPECT_EQ(bytes(), first);
+    EXPECT_LT(first.size(), 1'000'000u);
+  }
+}
+
+TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
+  const auto captured = pressed(Renewal::renewed);
+  write_capture(file_, captured->instrument, captured->capture);
+  const std::string good = bytes();
+  expect_refused("", "ends in the middle");
+  expect_refused("something else altogether", "is not a captured contact problem");
+  expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
+  expect_refused(good + "x", "longer");
+  std::string other = good;
+  other[8] = 2;
+  expect_refused(other, "version 2");
+  other = good;
+  other[12] = 9;
+  expect_refused(other, "byte order");
+  other = good;
+  other[17] = 1;  // 256 primitives more
+  expect_refused(other, "primitives");
+  EXPECT_THROW(read_capture(directory_ / "absent.contact"), InputError);
+}
+
+// Whatever byte is changed: read or refused, never more.
+TEST_F(CaptureFile, AnyByteMayBeWrong) {
+  const auto captured = pressed(Renewal::renewed);
+  write_capture(file_, captured->instrument, captured->capture);
+  const std::string good = bytes();
+  Random random(8);
+  int refused = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    std::string other = good;
+    const auto at = trial < 100 ? static_cast<std::size_t>(trial) : random() % good.size();
+    other[at] = static_cast<char>(random());
+    std::ofstream(file_, std::ios::binary | std::ios::trunc) << other;
+    try {
+      read_capture(file_);
+    } catch (const InputError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 20);
+}
+
+TEST_F(CaptureFile, DirectoryListsItsCapturesInOrder) {
+  EXPECT_THROW(capture_files(directory_), InputError);
+  EXPECT_THROW(capture_files(directory_ / "absent"), InputError);
+  for (const char* name : {"000002.contact", "000001.contact", "note.txt"})
+    std::ofstream(directory_ / name) << "";
+  const auto files = capture_files(directory_);
+  ASSERT_EQ(files.size(), 2u);
+  EXPECT_EQ(files[0].filename(), "000001.contact");
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,51 @@
+#include "tools/stability/stability.h"
+
+#include <gtest/gtest.h>
+
+#include "server/files/paths.h"
+#include "server/scene/scene_reader.h"
+
+namespace hapticd {
+namespace {
+
+// The quick atlas: in every mode the naive method breaks within the range, and the daemon does what is asked.
+TEST(Stability, QuickAtlas) {
+  StabilitySettings settings;
+  settings.quick = true;
+  const StabilityChart chart = chart_stability(read_scene(config_directory() / "scenes/cube/cube.yaml"),
+                                               settings, [](double, const std::string&) { return true; });
+  ASSERT_EQ(chart.modes.size() + 2,
+            stability_mode_names().size());  // `random` and `carve` have their own reports
+  for (const StabilityMode& m : chart.modes) {
+    EXPECT_GT(m.naive_breaks_at, 0) << m.mode;
+    EXPECT_TRUE(m.survives) << m.mode << ": broke at " << m.default_breaks_at;
+  }
+  ASSERT_EQ(chart.random.size(), 2u);
+  for (const RandomReport& r : chart.random) {
+    EXPECT_GE(r.ticks, 500);
+    EXPECT_EQ(r.not_finite, 0);
+    EXPECT_EQ(r.above_maximum, 0);
+  }
+  ASSERT_EQ(chart.carve.size(), 1u);
+  EXPECT_GE(chart.carve[0].ticks, 5000);
+  EXPECT_TRUE(chart.carve[0].faults.empty());
+}
+
+// The cataract scene carved; ten times as long and more in `haptic stability --mode carve`.
+TEST(Stability, CarvedTissueNeitherBurstsNorEndsTheDaemon) {
+  CarveSettings settings;
+  settings.ticks = 16'000;
+  settings.episode = 8'000;
+  settings.seed = 1001;
+  const CarveReport r = run_carve(read_scene(config_directory() / "scenes/cataract/cataract.yaml"), settings,
+                                  [](double) { return true; });
+  for (const CarveFault& f : r.faults)
+    ADD_FAILURE() << "seed " << f.seed << ", tick " << f.tick << ": " << f.what;
+  EXPECT_EQ(r.ticks, settings.ticks);
+  EXPECT_GT(r.removed, 100);
+  EXPECT_GT(r.in_contact, r.ticks / 4);
+  EXPECT_LE(r.force_max, r.device_max);
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,248 @@
+// haptic chart force: options, figures and pictures of chart_force.h.
+#include <cstdio>
+#include <memory>
+#include <sstream>
+
+#include "server/files/paths.h"
+#include "server/os/realtime.h"
+#include "server/scene/scene_reader.h"
+#include "tools/chart/chart.h"
+#include "tools/chart/force/chart_force.h"
+#include "tools/cli/command.h"
+#include "tools/cli/interrupt.h"
+#include "tools/cli/progress.h"
+#include "tools/cli/report.h"
+
+namespace hapticd {
+
+namespace {
+
+struct Options {
+  std::string scene;
+  std::vector<std::string> recordings, only;
+  std::string table, json, csv, out;
+  bool force = false;
+  ForceChartSettings settings;
+  double window_s = 0, depth_mm = 0.3;
+};
+
+nlohmann::ordered_json to_json(const ForcePoint& p) {
+  nlohmann::ordered_json j = {{"label", p.label},
+                              {"config", p.config},
+                              {"trajectory", p.trajectory},
+                              {"removals", p.removals},
+                              {"cpu_ms_per_s", rounded(p.cpu_ms_per_s, 2)},
+                              {"simulation_ms_per_s", rounded(p.simulation_ms_per_s, 2)},
+                              {"haptic_ms_per_s", rounded(p.haptic_ms_per_s, 2)},
+                              {"bases_ms_per_s", rounded(p.bases_ms_per_s, 2)},
+                              {"simulation_step_ms_p50", rounded(p.simulation_step_ms_p50, 3)},
+                              {"simulation_step_ms_p99", rounded(p.simulation_step_ms_p99, 3)},
+                              {"haptic_us_p99", rounded(p.haptic_us_p99, 1)},
+                              {"force_peak_n", p.error.peak},
+                              {"force_rms_rel", p.error.rms_rel},
+                              {"force_rms_rel_to_rms", p.error.rms_rel_to_rms},
+                              {"force_max_rel", p.error.max_rel},
+                              {"torque_rms_rel", p.error.torque_rms_rel},
+                              {"swap_jump_p95_rel", p.error.swap_jump_p95_rel},
+                              {"swap_step_p95_rel", p.error.swap_step_p95_rel},
+                              {"reference_step_p95_rel", p.error.reference_step_p95_rel},
+                              {"swap_excess_p95_rel", p.error.swap_excess_p95_rel},
+                              {"buzz_rms_n", p.error.buzz_rms_n},
+                              {"onset_ms", rounded(p.error.onset_ms, 3)},
+                              {"penetration_um", rounded(p.error.penetration_um, 3)},
+                              {"memory_mb", rounded(p.memory_mb, 2)},
+                              {"inverted", p.inverted},
+                              {"solver_capped", p.capped},
+                              {"reference_converged", p.reference_converged},
+                              {"pareto", p.pareto},
+                              {"front_factor", rounded(p.front_factor, 3)}};
+  if (p.removals > 0) {
+    j["interim_ms_p50"] = rounded(p.interim_ms_p50, 3);
+    j["felt_rms_rel"] = p.felt.rms_rel;
+    j["felt_max_rel"] = p.felt.max_rel;
+    j["felt_swap_jump_p95_rel"] = p.felt.swap_jump_p95_rel;
+  }
+  if (p.space_rms_rel >= 0) {
+    j["space_rms_rel"] = p.space_rms_rel;
+    j["space_and_time_rms_rel"] = p.whole_rms_rel;
+  }
+  return j;
+}
+
+nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
+  nlohmann::ordered_json json;
+  json["command"] = "chart force";
+  json["scene"] = scene.name;
+  json["default"] = chart.default_label;
+  json["force_scale"] = scene.device.force_scale;
+  for (const ForceRun& run : chart.runs)
+    json["runs"].push_back({{"trajectory", run.trajectory},
+                            {"removals", run.removals},
+                            {"elements_removed", run.removed},
+                            {"from_s", run.reference.empty() ? 0 : run.reference.front().t},
+                            {"seconds", rounded(1e-3 * static_cast<double>(run.reference.size()), 3)},
+                            {"reference_step_ms", 1e3 * run.reference_step},
+                            {"half_step_rms_rel", run.half_step_rel},
+                            {"felt_half_step_rms_rel", run.felt_half_step_rel},
+                            {"inverted", run.inverted},
+                            {"reference_cpu_s", rounded(run.reference_cpu_s, 2)},
+                            {"reference_converged", run.converged},
+                            {"felt_reference_converged", run.felt_converged}});
+  json["points"] = nlohmann::ordered_json::array();
+  for (const ForcePoint& p : chart.points) json["points"].push_back(to_json(p));
+  json["notes"] = chart.notes;
+  return json;
+}
+
+// Forces over time and spectra of the errors, for the pictures: µN are enough.
+nlohmann::ordered_json traces_of(const ForceChart& chart) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  const auto components = [](const std::vector<OfflineTick>& ticks) {
+    nlohmann::ordered_json f = nlohmann::ordered_json::array();
+    for (int c = 0; c < 3; ++c) {
+      std::vector<double> values;
+      for (const OfflineTick& t : ticks) values.push_back(rounded(t.wrench[c], 8));
+      f.push_back(values);
+    }
+    return f;
+  };
+  for (const ForceRun& run : chart.runs) {
+    nlohmann::ordered_json j;
+    j["trajectory"] = run.trajectory;
+    j["removals"] = run.removals;
+    j["reference"] = components(run.reference);
+    for (const ForceRun::Trace& t : run.traces) {
+      const Spectrum s = error_spectrum(t.ticks, run.reference);
+      j["runs"].push_back(
+          {{"label", t.label}, {"force", components(t.ticks)}, {"df", s.df}, {"power", s.power}});
+    }
+    json.push_back(std::move(j));
+  }
+  return json;
+}
+
+constexpr const char* csv_header =
+    "label,trajectory,removals,cpu_ms_per_s,simulation_ms_per_s,haptic_ms_per_s,bases_ms_per_s,haptic_us_p99,"
+    "force_rms_rel,force_max_rel,swap_jump_p95_rel,buzz_rms_n,onset_ms,penetration_um,memory_mb,space_rms_"
+    "rel,"
+    "space_and_time_rms_rel,reference_converged,pareto\n";
+
+std::string to_csv(const ForceChart& chart) {
+  std::ostringstream csv;
+  csv << csv_header;
+  for (const ForcePoint& p : chart.points) {
+    csv << '"' << p.label << "\"," << p.trajectory << ',' << p.removals << ',' << p.cpu_ms_per_s << ','
+        << p.simulation_ms_per_s << ',' << p.haptic_ms_per_s << ',' << p.bases_ms_per_s << ','
+        << p.haptic_us_p99 << ',' << p.error.rms_rel << ',' << p.error.max_rel << ','
+        << p.error.swap_jump_p95_rel << ',' << p.error.buzz_rms_n << ',' << p.error.onset_ms << ','
+        << p.error.penetration_um << ',' << p.memory_mb << ',';
+    if (p.space_rms_rel >= 0)
+      csv << p.space_rms_rel << ',' << p.whole_rms_rel;
+    else
+      csv << ',';
+    csv << ',' << p.reference_converged << ',' << p.pareto << '\n';
+  }
+  return csv.str();
+}
+
+void print_chart(const ForceChart& chart) {
+  for (const ForceRun& run : chart.runs) {
+    std::printf("%s, %d removals per 20 ms: half of %g ms differs by %.2f %%, %d inverted%s\n",
+                run.trajectory.c_str(), run.removals, 1e3 * run.reference_step, 100 * run.half_step_rel,
+                run.inverted, run.converged ? "" : ": REFERENCE NOT CONVERGED");
+    if (run.removals > 0)
+      std::printf("  references that lose elements when it is published: half differs by %.2f %%%s\n",
+                  100 * run.felt_half_step_rel, run.felt_converged ? "" : ": NOT CONVERGED");
+    std::printf("  %-34s %9s %8s %8s %8s %8s %9s %7s\n", "", "CPU ms/s", "p99 µs", "RMS %", "max %", "jump %",
+                "buzz mN", "front");
+    for (const ForcePoint& p : chart.points) {
+      if (p.trajectory != run.trajectory || p.removals != run.removals) continue;
+      std::printf("  %-34s %9.1f %8.0f %8.2f %8.2f %8.2f %9.4f %7.2f%s\n", p.label.c_str(), p.cpu_ms_per_s,
+                  p.haptic_us_p99, 100 * p.error.rms_rel, 100 * p.error.max_rel,
+                  100 * p.error.swap_jump_p95_rel, 1e3 * p.error.buzz_rms_n, p.front_factor,
+                  p.reference_converged ? "" : "  not converged");
+      if (p.removals > 0)
+        std::printf("  %-34s %9s %8s %8.2f %8.2f %8.2f\n", "  elements gone when it is published", "", "",
+                    100 * p.felt.rms_rel, 100 * p.felt.max_rel, 100 * p.felt.swap_jump_p95_rel);
+    }
+  }
+  for (const std::string& note : chart.notes) std::printf("note: %s\n", note.c_str());
+}
+
+int chart(Options options, const CLI::App& app) {
+  if (options.settings.quick && app.count("--window") == 0) options.window_s = 0.17;
+  if (options.window_s > 0) options.settings.window.length = options.window_s;
+  options.settings.window.depth = 1e-3 * options.depth_mm;
+  if (options.table.empty()) options.table = (config_directory() / "charts" / "force.yaml").string();
+  if (options.scene.empty())
+    options.scene = (config_directory() / "scenes" / "stroke" / "stroke.yaml").string();
+  prepare_outputs("force", csv_header, options.out, options.json, options.csv, options.force);
+  if (!options.out.empty()) options.settings.cache = std::filesystem::path(options.out) / "references";
+  keep_malloc_pages();
+
+  const Scene scene = read_scene(options.scene);
+  ForceTable table = read_force_table(options.table);
+  if (!options.only.empty()) {
+    std::vector<ForceConfiguration> kept;
+    for (ForceConfiguration& c : table.configurations)
+      if (c.label == table.default_label || std::count(options.only.begin(), options.only.end(), c.label) > 0)
+        kept.push_back(std::move(c));
+    table.configurations = std::move(kept);
+  }
+  std::vector<std::filesystem::path> recordings(options.recordings.begin(), options.recordings.end());
+  if (recordings.empty()) {
+    if (!scene.trajectory) throw UsageError("the scene has no trajectory: name one with --trajectory");
+    recordings = {*scene.trajectory};
+  }
+  ForceChart result;
+  {
+    Progress progress("chart");
+    result = chart_force(scene, recordings, table, options.settings,
+                         [&](double fraction, const std::string& what) {
+                           progress.show(fraction, what);
+                           return !interrupted();
+                         });
+  }
+  if (interrupted()) return 1;
+  print_chart(result);
+  if (!options.json.empty()) write_json(options.json, to_json(result, scene));
+  if (!options.csv.empty()) write_file(options.csv, to_csv(result));
+  if (!options.out.empty()) {
+    write_json(options.out + "/force_traces.json", traces_of(result));
+    draw("plot_chart_force.py", options.json, options.out);
+  }
+  return 0;
+}
+
+}  // namespace
+
+Command add_chart_force(CLI::App& chart_app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = chart_app.add_subcommand(
+      "force", "Speed against accuracy of the force, for a scene along recorded motions, offline.");
+  app->add_option("scene", options->scene, "scene (default: config/scenes/stroke/stroke.yaml)");
+  app->add_option(
+      "--trajectory", options->recordings,
+      "CSV recordings; the scene's own is mapped, others are fitted into the tissue (default: the "
+      "scene's own)");
+  app->add_option("--table", options->table, "configurations (default: config/charts/force.yaml)");
+  app->add_option("--only", options->only, "only the configurations with these labels, and the default");
+  app->add_option("--removals", options->settings.removals, "elements removed per 20 ms, a run for each")
+      ->delimiter(',')
+      ->capture_default_str();
+  app->add_option("--window", options->window_s, "seconds of each recording, from first contact")
+      ->check(CLI::Range(0.05, 60.0));
+  app->add_option("--depth", options->depth_mm, "deepest overlap of a fitted recording [mm]")
+      ->check(CLI::Range(0.01, 10.0))
+      ->capture_default_str();
+  app->add_flag("--quick", options->settings.quick,
+                "the table's quick configurations, no removals, half a minute");
+  app->add_option("--json", options->json, "figures to this file");
+  app->add_option("--csv", options->csv, "the points to this file");
+  app->add_option("--out", options->out, "figures, pictures and kept references into this directory");
+  add_force_option(*app, options->force);
+  app->footer("Example: haptic chart force config/scenes/stroke/stroke.yaml --out build/chart/force");
+  return {app, [options, app] { return chart(*options, *app); }};
+}
+
+}  // namespace hapticd

@@ -1,0 +1,356 @@
+#include "tools/chart/removal/chart_removal.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <numeric>
+
+#include "physics/compliance/system_matrix.h"
+#include "tools/cli/report.h"
+
+namespace hapticd {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double us_since(Clock::time_point begin) {
+  return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+}
+
+Vec3 centroid(const TissueModel& model, int tet) {
+  Vec3 sum = Vec3::Zero();
+  for (const int n : model.mesh.tets[tet]) sum += 0.25 * model.mesh.nodes[n];
+  return sum;
+}
+
+double median(std::vector<double> values) { return quantiles(std::move(values)).p50; }
+
+// One method on one body, driven as the simulation drives it.
+class Run {
+ public:
+  Run(const TissueModel& model, const ChartMethod& method, const ChartSettings& settings)
+      : model_(model), method_(method), settings_(settings), state_(rest_state(model)) {
+    compliance_ = make_compliance(method.method, model, settings.h, method.options);
+  }
+
+  void start(const Vec3& tip) {
+    move_zone(tip);
+    const auto begin = Clock::now();
+    compliance_->update(state_);
+    if (method_.keeps_base || !method_.works_in_update) base_ms_.push_back(1e-3 * us_since(begin));
+    // The first calls fault their pages in.
+    MatX block;
+    for (int i = 0; i < 2; ++i) {
+      if (method_.works_in_update) compliance_->update(state_);
+      condense(nearest_live_nodes(model_, state_, tip, settings_.patch_nodes), block);
+    }
+  }
+
+  // Removes one element; returns what telling it cost [µs].
+  double remove(int tet) {
+    remove_tets(model_, state_, std::span(&tet, 1));
+    const auto begin = Clock::now();
+    compliance_->remove(state_, std::span(&tet, 1));
+    const double cost = us_since(begin);
+    if (method_.keeps_base)
+      for (const int n : model_.mesh.tets[tet])
+        if (!model_.fixed[n] && !in_zone_[n]) {
+          ++carried_;
+          break;
+        }
+    return cost;
+  }
+
+  // Moves the zone when the patch has left it; for methods whose zone moves with a base, makes one.
+  // Returns what of that falls into the step [µs].
+  double follow(const Vec3& tip, std::span<const int> patch) {
+    const bool covered = std::all_of(patch.begin(), patch.end(), [&](int n) { return in_zone_[n] != 0; });
+    if (covered && carried_ < most_carried) return 0;
+    move_zone(tip);
+    if (!method_.keeps_base) return 0;
+    std::unique_ptr<ComplianceBase> base = compliance_->snapshot_base(state_);
+    auto begin = Clock::now();
+    base->make();
+    base_ms_.push_back(1e-3 * us_since(begin));
+    begin = Clock::now();
+    compliance_->adopt_base(std::move(base), state_);
+    adopt_us_.push_back(us_since(begin));
+    carried_ = 0;
+    return adopt_us_.back();
+  }
+
+  double update() {
+    const auto begin = Clock::now();
+    compliance_->update(state_);
+    return us_since(begin);
+  }
+
+  double condense(std::span<const int> patch, MatX& block) {
+    const auto size = static_cast<Eigen::Index>(3 * patch.size());
+    block.resize(size, size);
+    const auto begin = Clock::now();
+    compliance_->patch(patch, block);
+    return us_since(begin);
+  }
+
+  Compliance& compliance() { return *compliance_; }
+  const TissueState& state() const { return state_; }
+
+  BaseCost base_cost() const {
+    BaseCost cost{method_.name, method_.order, model_.node_count(), static_cast<int>(base_ms_.size()), 0, 0};
+    cost.base_ms_median = median(base_ms_);
+    cost.adopt_us_max = quantiles(adopt_us_).max;
+    return cost;
+  }
+
+ private:
+  static constexpr int most_carried = 48;  // elements not wholly inside the zone that a base carries here
+
+  void move_zone(const Vec3& tip) {
+    const std::vector<int> zone = nearest_live_nodes(model_, state_, tip, settings_.zone_nodes);
+    in_zone_.assign(model_.node_count(), 0);
+    for (const int n : zone) in_zone_[n] = 1;
+    compliance_->move_zone(zone);
+  }
+
+  const TissueModel& model_;
+  const ChartMethod& method_;
+  const ChartSettings& settings_;
+  TissueState state_;
+  std::unique_ptr<Compliance> compliance_;
+  std::vector<std::uint8_t> in_zone_;
+  int carried_ = 0;
+  std::vector<double> base_ms_, adopt_us_;
+};
+
+// What every method is compared with at the end of a point.
+struct Checkpoint {
+  std::vector<int> patch;
+  MatX columns;
+};
+
+Checkpoint checkpoint(const TissueModel& model, const TissueState& state, const Vec3& tip,
+                      const ChartSettings& settings) {
+  Checkpoint result;
+  result.patch = nearest_live_nodes(model, state, tip, settings.patch_nodes);
+  const int columns = std::min(settings.error_columns, 3 * static_cast<int>(result.patch.size()));
+  result.columns = oracle_columns(model, state, settings.h, result.patch, columns);
+  return result;
+}
+
+}  // namespace
+
+std::vector<ChartMethod> chart_methods() {
+  const auto row = [](const char* name, const char* order, ComplianceMethod method) {
+    ChartMethod m;
+    m.name = name;
+    m.order = order;
+    m.method = method;
+    // The error is sampled when asked, not in every step that is timed.
+    m.options.sample_every = 1 << 30;
+    return m;
+  };
+  ChartMethod exact = row("exact", "zone_last", ComplianceMethod::exact);
+  ChartMethod zone = row("zone", "zone_last", ComplianceMethod::zone);
+  exact.works_in_update = zone.works_in_update = true;
+  ChartMethod updown = row("updown", "zone_last", ComplianceMethod::updown);
+  zone.keeps_base = updown.keeps_base = true;
+  ChartMethod metis = row("updown", "metis", ComplianceMethod::updown);
+  metis.options.updown_order = NodeOrder::metis;
+  const ChartMethod lazy = row("lazy", "zone_last", ComplianceMethod::lazy);
+  ChartMethod rebased = row("lazy_rebased", "zone_last", ComplianceMethod::lazy);
+  rebased.options.lazy_rebase_after = 64;
+  rebased.works_in_update = true;
+  rebased.most_nodes = 8000;
+  ChartMethod dense = row("dense", "none", ComplianceMethod::dense);
+  dense.most_nodes = 1500;
+  return {exact, zone, updown, metis, lazy, rebased, dense};
+}
+
+std::vector<HoleStep> growing_hole(const TissueModel& model, int count) {
+  Vec3 pole = model.mesh.nodes.front();
+  for (const Vec3& x : model.mesh.nodes)
+    if (x.z() > pole.z()) pole = x;
+  const double mean_volume =
+      std::accumulate(model.volume.begin(), model.volume.end(), 0.0) / model.tet_count();
+  const double edge = std::cbrt(6 * std::sqrt(2.0) * mean_volume);  // of a regular tetrahedron
+  const double reach = 1.5 * edge;
+
+  struct Left {
+    int tet;
+    int shell;
+    Vec3 centre;
+  };
+  std::vector<Left> left(model.tet_count());
+  for (int t = 0; t < model.tet_count(); ++t) {
+    const Vec3 centre = centroid(model, t);
+    left[t] = {t, static_cast<int>((centre - pole).norm() / (2 * edge)), centre};
+  }
+  std::vector<HoleStep> hole;
+  const auto wanted = std::min<std::size_t>(static_cast<std::size_t>(std::max(count, 0)), left.size());
+  Vec3 tip = pole;
+  while (hole.size() < wanted) {
+    // Those in reach go first, nearest first; the others stay in their order.
+    const auto distance = [&](const Left& l) { return (l.centre - tip).norm(); };
+    const auto rest = std::stable_partition(left.begin(), left.end(),
+                                            [&](const Left& l) { return distance(l) < reach; });
+    std::sort(left.begin(), rest, [&](const Left& a, const Left& b) { return distance(a) < distance(b); });
+    for (auto l = left.begin(); l != rest && hole.size() < wanted; ++l) hole.push_back({l->tet, tip});
+    left.erase(left.begin(), rest);
+    if (left.empty()) break;
+    tip = std::min_element(left.begin(), left.end(), [&](const Left& a, const Left& b) {
+            return a.shell != b.shell ? a.shell < b.shell : distance(a) < distance(b);
+          })->centre;
+  }
+  return hole;
+}
+
+std::vector<int> nearest_live_nodes(const TissueModel& model, const TissueState& state, const Vec3& point,
+                                    int count) {
+  std::vector<std::pair<double, int>> near;
+  for (int n = 0; n < model.node_count(); ++n)
+    if (!model.fixed[n] && state.live_tets_of_node[n] > 0)
+      near.emplace_back((model.mesh.nodes[n] - point).squaredNorm(), n);
+  const auto size = std::min(near.size(), static_cast<std::size_t>(count));
+  std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(size), near.end());
+  std::vector<int> nodes(size);
+  for (std::size_t i = 0; i < size; ++i) nodes[i] = near[i].second;
+  return nodes;
+}
+
+MatX oracle_columns(const TissueModel& model, const TissueState& state, double h, std::span<const int> nodes,
+                    int columns) {
+  const Eigen::SparseMatrix<double> A = assemble_system_matrix(model, state, h);
+  const auto fresh = make_compliance(ComplianceMethod::exact, model, h);
+  fresh->update(state);
+  MatX result(3 * nodes.size(), columns);
+  VecX b(A.rows());
+  VecX y(A.rows());
+  VecX correction(A.rows());
+  for (int c = 0; c < columns; ++c) {
+    b.setZero();
+    b[3 * nodes[c / 3] + c % 3] = 1;
+    fresh->apply(b, y);
+    for (int refinement = 0; refinement < 2; ++refinement) {
+      fresh->apply(b - A * y, correction);
+      y += correction;
+    }
+    for (std::size_t i = 0; i < nodes.size(); ++i) result.block<3, 1>(3 * i, c) = y.segment<3>(3 * nodes[i]);
+  }
+  return result;
+}
+
+RemovalChart chart_removals(const TissueModel& model, std::span<const ChartMethod> methods,
+                            const ChartSettings& settings,
+                            const std::function<bool(double, const std::string&)>& progress) {
+  RemovalChart chart;
+  // A tenth of the body is left, so that there is always a patch.
+  const std::vector<HoleStep> hole = growing_hole(model, std::min(settings.removals, model.tet_count() * 9 / 10));
+  const int count = static_cast<int>(hole.size());
+  if (count == 0) return chart;
+  const int points = std::min(settings.points, count);
+  const auto end_of = [&](int point) { return (point + 1) * count / points; };
+  const double parts = static_cast<double>(methods.size()) + 1;
+
+  std::vector<Checkpoint> oracle;
+  TissueState state = rest_state(model);
+  for (int p = 0, k = 0; p < points; ++p) {
+    std::vector<int> gone;
+    for (; k < end_of(p); ++k) gone.push_back(hole[k].tet);
+    remove_tets(model, state, gone);
+    oracle.push_back(checkpoint(model, state, hole[k - 1].tip, settings));
+    if (!progress((p + 1) / (points * parts), "oracle")) return chart;
+  }
+
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    const ChartMethod& method = methods[m];
+    if (method.most_nodes > 0 && model.node_count() > method.most_nodes) continue;
+    const std::string label = method.name + (method.order == "metis" ? " (METIS)" : "");
+    Run run(model, method, settings);
+    run.start(hole[0].tip);
+    MatX block;
+    for (int p = 0, k = 0; p < points; ++p) {
+      const int begin = k;
+      const int stride = std::max(1, (end_of(p) - begin) / settings.timed_per_point);
+      std::vector<double> updates, condenses, steps;
+      double spent = 0;
+      for (; k < end_of(p); ++k) {
+        const Vec3& tip = hole[k].tip;
+        const double told = run.remove(hole[k].tet);
+        const bool last = k + 1 == end_of(p);
+        const bool enough = steps.size() >= 2 && spent > 1e6 * settings.seconds_per_point;
+        const bool timed = last || ((k - begin) % stride == stride / 2 && !enough);
+        if (!method.works_in_update) updates.push_back(told);
+        if (!timed && !method.keeps_base) continue;
+        const std::vector<int> patch = nearest_live_nodes(model, run.state(), tip, settings.patch_nodes);
+        const double swap = run.follow(tip, patch);
+        if (!timed) continue;
+        const double updated = run.update();
+        const double condensed = run.condense(patch, block);
+        spent += updated + condensed;
+        const double work = method.works_in_update ? told + swap + updated : told;
+        if (method.works_in_update) updates.push_back(work);
+        condenses.push_back(condensed);
+        steps.push_back(work + condensed);
+        if (!progress((1 + static_cast<double>(m) + static_cast<double>(k) / count) / parts, label)) return chart;
+      }
+      const Quantiles update = quantiles(updates);
+      RemovalPoint point;
+      point.method = method.name;
+      point.order = method.order;
+      point.nodes = model.node_count();
+      point.tets = model.tet_count();
+      point.removed = k;
+      point.update_us_median = update.p50;
+      point.update_us_p99 = update.p99;
+      point.condense_us_median = median(condenses);
+      point.step_us_median = median(steps);
+      point.timed = static_cast<int>(steps.size());
+      point.patch_nodes = static_cast<int>(oracle[p].patch.size());
+      run.condense(oracle[p].patch, block);
+      const MatX& columns = oracle[p].columns;
+      point.w_rel_error = (block.leftCols(columns.cols()) - columns).norm() / columns.norm();
+      point.memory_mb = 1e-6 * static_cast<double>(run.compliance().report().memory_bytes);
+      chart.points.push_back(point);
+    }
+    if (const BaseCost cost = run.base_cost(); cost.made > 0) chart.bases.push_back(cost);
+  }
+  return chart;
+}
+
+std::optional<double> flatness(std::span<const RemovalPoint> points, const std::string& method,
+                               const std::string& order, int nodes) {
+  const RemovalPoint* first = nullptr;
+  const RemovalPoint* last = nullptr;
+  for (const RemovalPoint& p : points) {
+    if (p.method != method || p.order != order || p.nodes != nodes) continue;
+    if (!first) first = &p;
+    last = &p;
+  }
+  if (first == last || !(first->step_us_median > 0)) return std::nullopt;
+  return last->step_us_median / first->step_us_median;
+}
+
+std::optional<double> crossing(std::span<const RemovalPoint> points, const std::string& method,
+                               const std::string& other, int nodes) {
+  struct Pair {
+    double removed, ours, theirs;
+  };
+  std::vector<Pair> pairs;
+  for (const RemovalPoint& a : points)
+    for (const RemovalPoint& b : points)
+      if (a.method == method && b.method == other && a.nodes == nodes && b.nodes == nodes &&
+          a.removed == b.removed)
+        pairs.push_back({static_cast<double>(a.removed), a.step_us_median, b.step_us_median});
+  if (pairs.empty() || pairs.back().ours >= pairs.back().theirs) return std::nullopt;
+  std::size_t i = pairs.size() - 1;
+  while (i > 0 && pairs[i - 1].ours < pairs[i - 1].theirs) --i;
+  if (i == 0) return 0;
+  const double before = pairs[i - 1].ours - pairs[i - 1].theirs;
+  const double after = pairs[i].ours - pairs[i].theirs;
+  return pairs[i - 1].removed + (pairs[i].removed - pairs[i - 1].removed) * before / (before - after);
+}
+
+}  // namespace hapticd

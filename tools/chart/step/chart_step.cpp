@@ -1,0 +1,207 @@
+#include "tools/chart/step/chart_step.h"
+
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <thread>
+
+#include "haptic/loop.h"
+#include "server/app/base_maker.h"
+#include "server/scene/scene_world.h"
+#include "tools/chart/step/travelling_tip.h"
+#include "tools/cli/report.h"
+
+namespace hapticd {
+
+namespace {
+
+constexpr double period = 0.02;       // [s]
+constexpr double latch_after = 1e-3;  // of a step's begin [s]
+constexpr int warm_up = 25;           // steps that are not counted: first contact, first bases
+constexpr int fewest_steps = 10;
+
+void be_nice() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), 19); }
+
+bool keeps_bases(ComplianceMethod method) {
+  return method == ComplianceMethod::zone || method == ComplianceMethod::lazy;
+}
+
+int median(std::vector<double> values) { return static_cast<int>(quantiles(std::move(values)).p50); }
+
+// The simulation thread's loop, on this one.
+class StepRun {
+ public:
+  explicit StepRun(const StepCase& of)
+      : case_(of),
+        scene_(lens_under_tip(of.lens.name, of.lens.alarm_distance, of.lens.sample_spacing)),
+        tip_(scene_, {}),
+        times_(monotonic_ns) {
+    scene_.compliance = of.method;
+    scene_.bodies[0].corotational = of.corotational;
+    scene_.removal.rate = of.removals_per_s;
+    WorldSettings settings = world_settings(scene_);
+    settings.compliance_options.times = &times_;
+    world_ = make_world(scene_, settings);
+    // As the daemon does before its clock starts.
+    world_->step([] { return InstrumentSample{}; }, *problem_);
+    bases_.start(be_nice);
+  }
+
+  StepPoint run(const std::function<bool(double)>& progress) {
+    const std::int64_t begun = monotonic_ns();
+    std::int64_t intended = begun;
+    for (int k = 0; k < warm_up + case_.steps; ++k) {
+      step(k);
+      const double spent = 1e-9 * static_cast<double>(monotonic_ns() - begun);
+      if (spent > case_.seconds && k >= fewest_steps) break;
+      if (!progress(std::max(spent / case_.seconds, static_cast<double>(k + 1) / (warm_up + case_.steps))))
+        break;
+      if (keeps_bases(case_.method)) intended = next(intended);
+    }
+    return point();
+  }
+
+ private:
+  static std::int64_t next(std::int64_t intended) {
+    const auto period_ns = std::llround(1e9 * period);
+    do intended += period_ns;
+    while (intended + period_ns < monotonic_ns());
+    std::this_thread::sleep_for(
+        std::chrono::nanoseconds(std::max<std::int64_t>(0, intended - monotonic_ns())));
+    return intended;
+  }
+
+  void step(int k) {
+    InstrumentSample sample[2];
+    for (int i = 0; i < 2; ++i) {
+      sample[i].pose = tip_.at(period * k + i * latch_after);
+      sample[i].present = true;
+      sample[i].phaco = case_.removals_per_s > 0;
+    }
+    int asked = 0;
+    times_.start();
+    const std::int64_t begin = monotonic_ns();
+    while (std::optional<BaseJob> job = bases_.take()) world_->adopt(std::move(*job));
+    const StepReport report = world_->step([&] { return sample[std::min(asked++, 1)]; }, *problem_);
+    for (BaseJob& job : world_->wanted_bases()) bases_.give(std::move(job));
+    times_.enter(0);
+    const std::int64_t spent = monotonic_ns() - begin;
+    Step& done = done_.emplace_back();
+    done.ms = 1e-6 * static_cast<double>(spent);
+    for (std::size_t p = 0; p < done.parts_ms.size(); ++p)
+      done.parts_ms[p] = 1e-6 * static_cast<double>(times_.ns(static_cast<StepPart>(p)));
+    done.nodes = problem_->nodes;
+    done.contacts = report.contact.contacts;
+    done.active = report.contact.active;
+    point_.removed += report.removed;
+    point_.bases += report.bases_adopted;
+    point_.uncovered_steps += report.uncovered_nodes > 0;
+  }
+
+  StepPoint point() {
+    bases_.stop();
+    const auto skipped = std::min<std::size_t>(warm_up, done_.size() / 3);
+    done_.erase(done_.begin(), done_.begin() + static_cast<std::ptrdiff_t>(skipped));
+    point_.model = case_.corotational ? "corotational" : "linear";
+    point_.compliance = name_of(case_.method);
+    point_.nodes = static_cast<int>(scene_.bodies[0].mesh.nodes.size());
+    point_.tets = static_cast<int>(scene_.bodies[0].mesh.tets.size());
+    point_.steps = static_cast<int>(done_.size());
+    std::vector<double> ms, patch_nodes, contacts, active;
+    const auto count = static_cast<double>(done_.size());
+    for (const Step& s : done_) {
+      ms.push_back(s.ms);
+      patch_nodes.push_back(s.nodes);
+      contacts.push_back(s.contacts);
+      active.push_back(s.active);
+      point_.over_20ms += s.ms > 1e3 * period ? 1 / count : 0;
+      point_.mean_ms += s.ms / count;
+      for (std::size_t p = 0; p < s.parts_ms.size(); ++p) point_.parts_ms[p] += s.parts_ms[p] / count;
+    }
+    point_.patch_nodes = median(patch_nodes);
+    point_.contacts = median(contacts);
+    point_.active = median(active);
+    point_.base_ms_median = 1e-6 * bases_.make_time().snapshot().percentile(50);
+    const Quantiles q = quantiles(ms);
+    point_.step_ms_median = q.p50;
+    point_.step_ms_p99 = q.p99;
+    point_.step_ms_max = q.max;
+    point_.fits_50hz = point_.over_20ms <= 0.005;
+    return point_;
+  }
+
+  const StepCase& case_;
+  Scene scene_;
+  TravellingTip tip_;
+  PartTimes times_;
+  std::unique_ptr<World> world_;
+  std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
+  BaseMaker bases_;
+  struct Step {
+    double ms = 0;
+    StepParts parts_ms{};
+    int nodes = 0, contacts = 0, active = 0;
+  };
+  std::vector<Step> done_;
+  StepPoint point_;
+};
+
+}  // namespace
+
+const std::vector<StepLens>& step_lenses() {
+  static const std::vector<StepLens> lenses = {
+      {"1k", 1.6e-3, 0.6e-3}, {"5k", 0.6e-3, 0.4e-3}, {"10k", 0.45e-3, 0.3e-3}, {"20k", 0.3e-3, 0.25e-3}};
+  return lenses;
+}
+
+const char* name_of(StepPart part) noexcept {
+  constexpr const char* names[] = {"publish",     "collision", "assembly", "factor",
+                                   "free_motion", "condense",  "solve"};
+  return names[static_cast<std::size_t>(part)];
+}
+
+const char* name_of(ComplianceMethod method) noexcept {
+  switch (method) {
+    case ComplianceMethod::exact:
+      return "exact";
+    case ComplianceMethod::zone:
+      return "zone";
+    case ComplianceMethod::lazy:
+      return "lazy";
+    case ComplianceMethod::updown:
+      return "updown";
+    default:
+      return "dense";
+  }
+}
+
+StepPoint chart_step(const StepCase& of, const std::function<bool(double)>& progress) {
+  return StepRun(of).run(progress);
+}
+
+std::optional<double> growth(std::span<const StepPoint> points, const std::string& model,
+                             const std::string& compliance,
+                             const std::function<double(const StepPoint&)>& ms) {
+  constexpr double least_ms = 0.01;
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (const StepPoint& p : points) {
+    if (p.model != model || p.compliance != compliance) continue;
+    if (!(ms(p) >= least_ms)) return std::nullopt;
+    const double u = std::log(p.nodes), v = std::log(ms(p));
+    n += 1;
+    x += u;
+    y += v;
+    xx += u * u;
+    xy += u * v;
+  }
+  const double spread = n * xx - x * x;
+  if (n < 2 || !(spread > 1e-9)) return std::nullopt;
+  return (n * xy - x * y) / spread;
+}
+
+}  // namespace hapticd

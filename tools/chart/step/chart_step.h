@@ -1,0 +1,72 @@
+// The simulation step of a lens under a travelling tip, part by part, over size, model and compliance.
+//
+// Each step is the daemon's (server/app/simulation_loop.h): adopt the bases that are ready, World::step, ask for
+// the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep bases
+// run at the daemon's cadence, a 50 Hz grid with the bases made by a thread of lowest priority; the others
+// one step after another. There is no haptic loop beside it. Friction is 0.1, geometry renewed.
+// Contacts are samples within the margin, of friction each: three rows of W. Parts are
+// physics/part_times.h's. Units in the names.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "physics/compliance/compliance.h"
+#include "physics/part_times.h"
+
+namespace hapticd {
+
+struct StepLens {
+  std::string name;       // tools/chart/step/travelling_tip.h
+  double alarm_distance;  // [m], for about 60 patch nodes
+  double sample_spacing;  // [m], for about ten contacts
+};
+// Smallest first.
+const std::vector<StepLens>& step_lenses();
+
+struct StepCase {
+  StepLens lens;
+  bool corotational = true;
+  ComplianceMethod method = ComplianceMethod::exact;
+  double removals_per_s = 0;
+  int steps = 500;
+  double seconds = 60;  // a slow case ends here, after ten steps at least
+};
+
+using StepParts = std::array<double, step_parts>;
+
+struct StepPoint {
+  std::string model, compliance;
+  int nodes = 0, tets = 0;
+  int patch_nodes = 0;  // median
+  int contacts = 0;     // median: rows, three with friction
+  int active = 0;       // … of them with a force, median
+  int removed = 0;
+  int bases = 0;
+  double base_ms_median = 0;  // on the other thread
+  int uncovered_steps = 0;    // with patch nodes outside the zone
+  int steps = 0;
+  double step_ms_median = 0, step_ms_p99 = 0, step_ms_max = 0;
+  double over_20ms = 0;  // share of the steps
+  StepParts parts_ms{};  // means
+  double mean_ms = 0;
+  bool fits_50hz = false;  // at most 0.5 % of the steps over 20 ms
+};
+
+const char* name_of(StepPart part) noexcept;
+const char* name_of(ComplianceMethod method) noexcept;
+
+// False ends the run; the point then has what there is.
+StepPoint chart_step(const StepCase& of, const std::function<bool(double)>& progress);
+
+// e of t ~ nodes^e, least squares of logarithms; nothing from fewer than two sizes, or where a part takes
+// less than 10 µs.
+std::optional<double> growth(std::span<const StepPoint> points, const std::string& model,
+                             const std::string& compliance,
+                             const std::function<double(const StepPoint&)>& ms);
+
+}  // namespace hapticd

@@ -1,0 +1,46 @@
+// haptic: what a person does with a running daemon, one subcommand each.
+#include <cstdio>
+#include <exception>
+
+#include "server/dds/dds.h"
+#include "server/files/input_error.h"
+#include "tools/cli/command.h"
+#include "tools/cli/interrupt.h"
+
+int main(int argc, char** argv) {
+  using namespace hapticd;
+  CLI::App application{"Clients of hapticd, the haptic server for soft tissue that is being cut."};
+  application.name("haptic");
+  application.require_subcommand(1);
+  application.set_version_flag("--version", std::string("haptic ") + HAPTICD_VERSION);
+  application.set_help_all_flag("--help-all", "Print the help of every subcommand and exit");
+  application.footer(
+      "Example: haptic replay config/scenes/cataract/stroke.csv --json figures.json\n"
+      "Exit codes: 0 done, 1 failed, 2 wrong usage or input.");
+  const Command commands[] = {add_replay(application), add_hand(application),   add_chart(application),
+                              add_soak(application),   add_abuse(application),  add_mesh(application),
+                              add_doctor(application), add_record(application), add_stability(application),
+                              add_view(application)};
+  application.add_flag_callback("--open-network", open_network,
+                                "before the command: use an interface that the DDS profile names without --secure; "
+                                "whoever is on that network is trusted");
+  try {
+    application.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return application.exit(error) == 0 ? 0 : 2;
+  }
+  catch_interrupts();
+  try {
+    for (const Command& command : commands)
+      if (command.app->parsed()) return command.run();
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "haptic: %s\n", error.what());
+    return 2;
+  } catch (const UsageError& error) {
+    std::fprintf(stderr, "haptic: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "haptic: %s\n", error.what());
+  }
+  return 1;
+}

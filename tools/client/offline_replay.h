@@ -1,0 +1,58 @@
+// A recording played to a scene without daemon, DDS or clock: both loops of the daemon in one thread and
+// virtual time, with everything a device feels: arming, ramp, watchdog, limits, blend, pedals.
+//
+//   haptic       tick i at i ms: state in (0.5 ms old), haptic_step, force out; the recording's slot 0 is
+//   tick 250,
+//                before it the first pose is held, 50 ms without `enable`, as a client does (client.h)
+//   simulation   step k begins at k h and takes the instrument as the tick before left it, latches it again
+//                at k h + 1 ms (6 ms with frozen rows), its problem is in use from k h + 10 ms on, and where
+//                something goes, an interim one from k h + 2 ms on: the daemon's medians (offline_run.h)
+//   bases        made at once, adopted before the first step that begins 40 ms later
+//
+// Solves are bounded by counts, never by time, and a scene with `model: auto` keeps what it pins and the
+// whole model else, as a plan is made by measured times: two runs of one program on one machine agree bit for
+// bit. Another processor rounds otherwise where its kernels differ (front_kernels.h). Units: as in
+// haptic/device.h. Errors: std::runtime_error from a singular body, std::invalid_argument for a rate above 1
+// kHz.
+#pragma once
+
+#include <functional>
+
+#include "haptic/loop.h"
+#include "physics/simulation/world.h"
+#include "server/observe/contact_forces.h"
+#include "server/scene/scene.h"
+#include "tools/client/client.h"
+
+namespace hapticd {
+
+// A tick as it was answered.
+struct ReplayedTick {
+  std::int64_t slot = 0;  // negative while arming
+  DeviceCommand command;
+  ForceRecord record;
+  std::uint32_t removed = 0;  // tetrahedra so far
+};
+
+// The scene at the begin of a step that is published now.
+struct ReplayedStep {
+  std::int64_t slot = 0;  // of the tick that first uses it
+  const World& world;
+  const StepReport& report;
+  const ForceSample& force;                   // the newest
+  const Pose& instrument;                     // in the scene, of the newest tick
+  const std::vector<ContactForce>& contacts;  // … as it solved them
+  std::uint32_t removed = 0;
+};
+
+struct ReplaySinks {
+  std::function<void(const ReplayedTick&)> tick;
+  std::function<void(const ReplayedStep&)> step;
+};
+
+// Asks the source for slots 0 … slots − 1. A state that the watchdog refuses (faster than the device's
+// max_speed) is as if it had not come, and is in the tick's status. Ends early when interrupted
+// (interrupt.h), returning false.
+bool replay_offline(const Scene& scene, SlotSource& source, std::int64_t slots, const ReplaySinks& sinks);
+
+}  // namespace hapticd

@@ -1,0 +1,25 @@
+// haptic replay --offline: a scene run along a motion (offline_replay.h), and what it leaves.
+//
+// forces.csv (force_row.h), a recording (device_bag.h; stamps count from 1970, the arming is left out), a
+// series for ParaView (vtk_series.h); all of them the same bit for bit from run to run. Errors: as
+// replay_offline, std::runtime_error for a file that cannot be written.
+#pragma once
+
+#include <string>
+
+#include "server/scene/scene.h"
+#include "tools/cli/report.h"
+#include "tools/client/client.h"
+
+namespace hapticd {
+
+struct OfflineOutputs {
+  std::string forces, record, vtk;  // empty: none
+  bool allow_refused = false;
+};
+
+// False: interrupted, a force was not finite, or a state was refused and that is not allowed.
+bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slots,
+                        const OfflineOutputs& outputs, nlohmann::ordered_json& json, Table& table);
+
+}  // namespace hapticd

@@ -1,0 +1,233 @@
+#include "tools/client/session.h"
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <thread>
+
+#include "server/files/input_error.h"
+#include "server/files/output_file.h"
+#include "tools/cli/command.h"
+#include "tools/cli/progress.h"
+#include "tools/client/force_row.h"
+
+namespace hapticd {
+namespace {
+
+// A force below this is not contact: well under a device's resolution, well over rounding.
+constexpr double contact_force = 1e-6;
+
+Vec3 force_of(const hapticd_msg_ForceCommand& m) { return {m.force[0], m.force[1], m.force[2]}; }
+
+template <typename F>
+void for_each_answer(const DeviceClient& client, F&& f) {
+  for (std::int64_t k = 0; k < client.book().scheduled(); ++k)
+    if (client.book().answered_ns(k) != 0) f(k, client.answer(k));
+}
+
+double share(std::int64_t part, std::int64_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
+}
+
+}  // namespace
+
+void add_session_options(CLI::App& command, SessionOptions& options) {
+  command.add_option("--domain", options.client.domain, "DDS domain of the daemon")
+      ->check(CLI::Range(0u, 230u))
+      ->capture_default_str();
+  command
+      .add_option("--secure", options.secure,
+                  "keys for a daemon that runs with --secure: DIR from config/dds/security/make_keys.sh")
+      ->type_name("DIR");
+  command.add_option("--role", options.role, "whose keys of those")
+      ->check(CLI::IsMember({"device", "viewer", "operator"}))
+      ->capture_default_str();
+  command.add_option("--device-id", options.client.device_id, "the device to be")->capture_default_str();
+  command.add_option("--json", options.json, "write the figures to this file")->type_name("FILE");
+  command.add_option("--forces", options.forces, "write one line per answered slot to this CSV")
+      ->type_name("FILE");
+  command
+      .add_option("--snapshots", options.snapshots,
+                  "write each body's surface before and after as BODY_before.vtk, BODY_after.vtk")
+      ->type_name("DIR");
+  add_force_option(command, options.force);
+  command.add_option("--min-answered", options.min_answered, "share of slots below which the run has failed")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command.add_option("--arm-wait", options.client.arm_timeout, "how long to wait for its force [s]")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  command.add_option("--wait", options.client.match_timeout, "how long to wait for a daemon [s]")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+}
+
+void add_units_option(CLI::App& command, LengthUnit& units, const std::string& text) {
+  const std::map<std::string, LengthUnit> names{{"m", LengthUnit::metre}, {"mm", LengthUnit::millimetre}};
+  command.add_option("--units", units, text)
+      ->transform(CLI::CheckedTransformer(names).description(""))
+      ->type_name("m|mm");
+}
+
+void prepare(SessionOptions& options, const std::string& input) {
+  if (!options.secure.empty()) options.client.security = security_files(options.secure, options.role);
+  const OutputRule rule(options.force);
+  rule.require_figures("--json", options.json);
+  rule.require_table("--forces", options.forces, force_row_header);
+  rule.require_snapshots_folder("--snapshots", options.snapshots);
+  // The forces of an earlier run are a recording too.
+  if (std::error_code error; !options.force && std::filesystem::equivalent(options.forces, input, error))
+    throw InputError(options.forces, 0, "--forces", "is what this run reads; --force writes over it");
+  for (const std::string& file : {options.json, options.forces})
+    if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
+      std::filesystem::create_directories(parent);
+  if (!options.snapshots.empty()) std::filesystem::create_directories(options.snapshots);
+}
+
+Session::Session(const SessionOptions& options, std::int64_t slots)
+    : domain(options.client.domain, default_dds_profile()),
+      participant(domain, options.client.security),
+      monitor(participant, options.client.device_id),
+      client(participant, options.client, slots) {}
+
+void run(Session& session, SlotSource& source, const std::string& what) {
+  Progress progress(what);
+  const auto slots = static_cast<double>(session.client.book().scheduled());
+  bool announced = false;
+  session.client.run(source, [&](std::int64_t reached) {
+    session.monitor.poll();
+    if (reached < 0) {
+      progress.show(0, "arming");
+      return;
+    }
+    if (const Grant& grant = session.client.grant(); !announced && !grant.granted)
+      std::fprintf(stderr, "haptic: %s refused: %s\n", grant.what.c_str(), grant.detail.c_str());
+    announced = true;
+    progress.show(static_cast<double>(reached + 1) / slots,
+                  fixed(session.client.newest_force(), 3) + " N, " +
+                      std::to_string(session.monitor.newest().elements_removed) + " removed");
+  });
+  for (int i = 0; i < 15; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    session.monitor.poll();
+  }
+}
+
+void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json,
+            Table& table) {
+  const DeviceClient& client = session.client;
+  const SlotBook& book = client.book();
+  double peak = 0, penetration = 0, energy = 0;
+  std::int64_t in_contact = 0;
+  std::vector<double> age, wake, solve;
+  for_each_answer(client, [&](std::int64_t, const hapticd_msg_ForceCommand& m) {
+    const double force = force_of(m).norm();
+    peak = std::max(peak, force);
+    penetration = std::max(penetration, static_cast<double>(m.penetration_um));
+    energy = std::min(energy, static_cast<double>(m.energy));
+    in_contact += force > contact_force;
+    age.push_back(m.state_age_us);
+    wake.push_back(m.wake_us);
+    solve.push_back(m.solve_us);
+  });
+  const StatusRecord status = session.monitor.newest();
+  const Quantiles round_trip = quantiles(book.round_trip_us());
+  const Quantiles late = quantiles(book.lateness_us());
+  const double answered = share(book.answered(), book.scheduled());
+
+  json["domain"] = options.client.domain;
+  json["device_id"] = options.client.device_id;
+  json["scene"] = status.scene;
+  json["complete"] = client.complete();
+  json["slots_scheduled"] = book.scheduled();
+  json["slots_sent"] = book.sent();
+  json["slots_answered"] = book.answered();
+  json["answered_share"] = rounded(answered, 5);
+  json["answers_repeated"] = book.repeats();
+  json["rtt_us"] = to_json(round_trip);
+  json["rtt_from_intended_us"] = to_json(quantiles(book.intended_round_trip_us()));
+  json["send_late_us"] = to_json(late);
+  json["state_age_us"] = to_json(quantiles(age));
+  json["wake_us"] = to_json(quantiles(wake));
+  json["solve_us"] = to_json(quantiles(solve));
+  json["force_peak_n"] = peak;
+  json["penetration_max_um"] = penetration;
+  json["energy_observed_min_j"] = energy;  // by the daemon, in the force messages
+  json["contact_share"] = rounded(share(in_contact, book.answered()), 5);
+  json["status_seen"] = client.status_seen();
+  json["status_seen_text"] = status_text(client.status_seen());
+  json["second_daemon"] = client.second_daemon();
+  json["elements_removed"] = status.elements_removed;
+  json["fragments_aspirated"] = status.fragments_aspirated;
+  json["phase_shift_us"] = rounded(client.phase_shift_us(), 1);
+  json["realtime"] = client.grant().granted;
+
+  table.emplace_back("scene", status.scene.empty() ? "(no status heard)" : status.scene);
+  table.emplace_back("slots scheduled / sent / answered",
+                     std::to_string(book.scheduled()) + " / " + std::to_string(book.sent()) + " / " +
+                         std::to_string(book.answered()) + "  (" + fixed(100 * answered, 2) + " % answered)");
+  table.emplace_back("round trip", to_text(round_trip, "µs"));
+  table.emplace_back("sent late by", to_text(late, "µs"));
+  table.emplace_back("state age at the tick", to_text(quantiles(age), "µs"));
+  table.emplace_back("force, peak", fixed(peak, 4) + " N");
+  table.emplace_back("in contact", fixed(100 * share(in_contact, book.answered()), 1) + " % of the answers");
+  table.emplace_back("elements removed", std::to_string(status.elements_removed));
+  table.emplace_back("fragments aspirated", std::to_string(status.fragments_aspirated));
+  table.emplace_back("status bits seen", status_text(client.status_seen()));
+  table.emplace_back("client's scheduling", client.grant().granted ? client.grant().what : "ordinary");
+}
+
+std::string forces_csv(const Session& session) {
+  const DeviceClient& client = session.client;
+  std::string text = force_row_header;
+  for_each_answer(client, [&](std::int64_t k, const hapticd_msg_ForceCommand& m) {
+    const std::int64_t arrived = client.book().answered_ns(k);
+    ForceRow row;
+    row.slot = k;
+    row.sent = client.command(k);
+    row.force = force_of(m);
+    row.torque = {m.torque[0], m.torque[1], m.torque[2]};
+    row.status = m.status;
+    row.rtt_us = 1e-3 * static_cast<double>(arrived - client.book().sent_ns(k));
+    row.state_age_us = m.state_age_us;
+    row.problem_age_ms = m.problem_age_ms;
+    row.wake_us = m.wake_us;
+    row.solve_us = m.solve_us;
+    row.contacts = m.contacts;
+    row.active = m.active;
+    row.penetration_um = m.penetration_um;
+    row.removed = session.monitor.at(arrived).elements_removed;
+    append(text, row);
+  });
+  return text;
+}
+
+int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
+           const Table& table) {
+  if (!options.json.empty()) write_json(options.json, json);
+  if (!options.forces.empty()) write_file(options.forces, forces_csv(session));
+  if (!options.snapshots.empty()) session.monitor.write_surfaces(options.snapshots);
+  print(table);
+  const SlotBook& book = session.client.book();
+  if (session.client.second_daemon()) {
+    std::fprintf(stderr,
+                 "haptic: two daemons, or one and somebody who plays one, serve device %u in domain %u: stop "
+                 "one of the "
+                 "two\n",
+                 options.client.device_id, options.client.domain);
+    return 1;
+  }
+  if (!session.client.complete()) {
+    std::fprintf(stderr, "haptic: interrupted before the end\n");
+    return 1;
+  }
+  if (const double answered = share(book.answered(), book.scheduled()); answered < options.min_answered) {
+    std::fprintf(stderr, "haptic: only %.1f %% of the slots were answered, %.1f %% are asked for\n",
+                 100 * answered, 100 * options.min_answered);
+    return 1;
+  }
+  return 0;
+}
+
+}  // namespace hapticd

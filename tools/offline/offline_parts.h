@@ -1,0 +1,76 @@
+// What a scene's run along a motion and the truth it is compared with have in common (offline_run.h): the
+// motion, the removals, and what a piece of work costs.
+#pragma once
+
+#include <algorithm>
+#include <ctime>
+
+#include "tools/offline/offline_run.h"
+
+namespace hapticd::offline {
+
+inline constexpr double tick = 1e-3;     // [s]
+inline constexpr double instant = 1e-9;  // times closer than this are the same [s]
+
+inline double cpu_seconds() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+// Adds what a piece of work costs this thread.
+class Cost {
+ public:
+  Cost(ThreadCost& of, bool counts) : of_(counts ? &of : nullptr), begun_(cpu_seconds()) {}
+  ~Cost() {
+    if (!of_) return;
+    of_->work.push_back(cpu_seconds() - begun_);
+    of_->total += of_->work.back();
+  }
+  Cost(const Cost&) = delete;
+  Cost& operator=(const Cost&) = delete;
+
+ private:
+  ThreadCost* of_;
+  double begun_;
+};
+
+inline InstrumentSample instrument_at(const OfflineInput& input, double t) {
+  InstrumentSample sample;
+  sample.pose = sample_at(input.motion, std::max(t, input.from));
+  if (input.approach > 0 && t < input.from) {
+    constexpr double of_settling = 0.6;
+    const double s = std::clamp((t - input.from + input.settle) / (of_settling * input.settle), 0.0, 1.0);
+    const double smooth =
+        s * s * s * (10 - s * (15 - 6 * s));  // at rest at either end, speed and acceleration
+    sample.pose.p.z() += (1 - smooth) * input.approach;
+  }
+  sample.present = true;
+  return sample;
+}
+
+inline std::size_t compliance_bytes(const StepReport& report) {
+  std::size_t bytes = 0;
+  for (const BodyReport& b : report.compliance) bytes += b.compliance.memory_bytes;
+  return bytes;
+}
+
+// Removals as time goes on.
+class Removals {
+ public:
+  explicit Removals(const RemovalSchedule& schedule) : schedule_(schedule) {}
+
+  // True if something goes.
+  bool apply_until(double t, World& world) {
+    const std::size_t before = next_;
+    for (; next_ < schedule_.size() && schedule_[next_].t <= t + instant; ++next_)
+      world.schedule_removal(schedule_[next_].body, schedule_[next_].tets);
+    return next_ > before;
+  }
+
+ private:
+  const RemovalSchedule& schedule_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace hapticd::offline

@@ -1,0 +1,81 @@
+// The truth in time, and what goes in it.
+#include <cmath>
+#include <memory>
+
+#include "server/scene/scene_world.h"
+#include "tools/offline/offline_parts.h"
+
+namespace hapticd {
+
+OfflineResult run_reference(const Scene& scene, const OfflineInput& input, double h,
+                            const OfflineProgress& progress) {
+  Scene exact = scene;
+  exact.rate = 1 / h;
+  exact.compliance = ComplianceMethod::exact;
+  exact.contact = Renewal::renewed;
+  WorldSettings settings = world_settings(exact);
+  settings.lead = 0;  // its problems are for their own time
+  settings.linearisations = 6;
+  settings.coulomb.tolerance = 1e-10;
+  settings.coulomb.max_sweeps = 1000;
+  std::unique_ptr<World> world = make_world(exact, settings);
+  const auto problem = std::make_unique<CondensedProblem>();
+  world->step([] { return InstrumentSample{}; }, *problem);
+
+  OfflineResult result;
+  offline::Removals removals(input.removals);
+  const auto per_tick = static_cast<int>(std::lround(offline::tick / h));
+  const auto settle = static_cast<int>(std::lround(input.settle / h));
+  const auto steps = settle + static_cast<int>(std::lround((input.to - input.from) / h));
+  for (int i = 0; i < steps; ++i) {
+    const double t = input.from + h * (i - settle);
+    removals.apply_until(t, *world);
+    const bool counts = i >= settle;
+    StepReport report;
+    {
+      const offline::Cost cost(result.simulation, counts);
+      report = world->step([&] { return offline::instrument_at(input, t); }, *problem);
+    }
+    result.removed += report.removed;
+    result.inverted = std::max(result.inverted, inverted_tets(world->bodies()));
+    result.dropped_samples = std::max(result.dropped_samples, problem->dropped_samples);
+    result.capped += report.contact.status != SolveStatus::solved;
+    result.memory_bytes = std::max(result.memory_bytes, offline::compliance_bytes(report));
+    if (counts && (i - settle) % per_tick == 0)
+      result.ticks.push_back({t, report.contact.wrench, report.contact.penetration, report.contact.residual,
+                              report.contact.active, true});
+    if (progress && !progress(static_cast<double>(i + 1) / steps)) break;
+  }
+  return result;
+}
+
+RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, int per_step) {
+  constexpr double period = 0.02;
+  Scene cutting = scene;
+  cutting.rate = 1 / period;
+  cutting.removal.rate = per_step / period;
+  cutting.removal.aspiration_max_tets = 0;
+  std::unique_ptr<World> world = make_world(cutting);
+  const auto problem = std::make_unique<CondensedProblem>();
+  RemovalSchedule schedule;
+  std::vector<std::vector<std::uint8_t>> alive;
+  for (const Body& body : world->bodies()) alive.push_back(body.state.alive);
+  const auto steps = static_cast<int>(std::floor((input.to - input.from + input.settle) / period));
+  for (int k = 0; k < steps; ++k) {
+    const double t = input.from - input.settle + period * k;
+    InstrumentSample sample = offline::instrument_at(input, t);
+    sample.phaco = t >= input.from - offline::instant;
+    world->step([&] { return sample; }, *problem);
+    for (std::size_t b = 0; b < alive.size(); ++b) {
+      const auto& now = world->bodies()[b].state.alive;
+      std::vector<int> gone;
+      for (std::size_t e = 0; e < now.size(); ++e)
+        if (alive[b][e] && !now[e]) gone.push_back(static_cast<int>(e));
+      if (!gone.empty()) schedule.push_back({t + removal_lead, static_cast<int>(b), gone});
+      alive[b] = now;
+    }
+  }
+  return schedule;
+}
+
+}  // namespace hapticd

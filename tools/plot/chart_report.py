@@ -1,0 +1,188 @@
+#!/usr/bin/python3
+"""Writes one self-contained page with every chart of `haptic chart all`.
+
+Reads charts.json and the folder of each chart beside it: its JSON and all its pictures, which go into the page.
+Example: tools/plot/chart_report.py build/chart/charts.json build/chart/report.html
+"""
+import base64
+import html
+import json
+import pathlib
+import platform
+import sys
+
+# A chart that is not named here comes at the end, with its pictures alone.
+SECTIONS = {
+    "force": ("Speed against accuracy of the force", """
+Each mark is one way to run the scene. To the right it costs more processor time, upward its force errs more against
+a single loop that solves everything each millisecond. The line is the front: nothing below and to the left of it was
+found. The star is what the daemon does unless it is told otherwise. Hollow marks do not count: halving the
+reference's step still changes its force by more than 0.5 % of the peak, or an element turned inside out."""),
+    "tissue": ("How exact the tissue is", "The finite elements against answers known by hand or from finer meshes."),
+    "step": ("What a simulation step costs", """
+A tip travels over lenses of growing size. Below the dotted line a step fits 50 Hz; exponents are of the nodes. The second
+row is what the step of <code>zone</code> is made of."""),
+    "economy": ("No more model than a scene needs", """
+What the plan of <code>model: auto</code> chose for each scene, its error and its cost, beside everything modelled."""),
+    "removal": ("What removing an element costs", """
+Elements are taken out one by one. Lines that rise pay for every element ever removed; flat lines do not.
+The second row is the error of the compliance that comes out, the third the memory it takes."""),
+    "warping": ("What turning a stale compliance is worth", """
+A compliance made at rest is used for tissue that has moved; the error of what comes out, with the base turned along
+with the tissue and without."""),
+    "lcp": ("Time against residual of the contact solvers", """
+Each mark is one kind of contact problem: to the right slower, upward less exact. The dashed line is the millisecond
+that a haptic tick has."""),
+}
+
+STYLE = """
+:root { --ink: #33383f; --accent: #c2410c; --line: #e1e4e8; }
+body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); max-width: 62rem; margin: 2.5rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.9rem; margin-bottom: .2rem; } h2 { margin-top: 3rem; border-top: 1px solid var(--line); padding-top: 1.4rem; }
+img { max-width: 100%; height: auto; } figure { margin: 1.2rem 0; }
+table { border-collapse: collapse; font-size: .86rem; width: 100%; margin: 1rem 0; }
+th, td { text-align: right; padding: .22rem .5rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } th { font-weight: 600; white-space: normal; }
+tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: #9aa1aa; }
+.bad { color: #b00020; font-weight: 600; } .dim { color: #6b7280; } nav a { margin-right: 1rem; }
+.scroll { overflow-x: auto; }
+"""
+
+
+def text(value):
+    return html.escape(str(value))
+
+
+def picture(path):
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    return f'<figure><img alt="{text(path.stem)}" src="data:image/png;base64,{data}"></figure>'
+
+
+def percent(value, digits=2):
+    return f"{100 * value:.{digits}f}"
+
+
+def table(head, rows):
+    cells = "".join(f"<th>{text(h)}</th>" for h in head)
+    body = "".join(f'<tr class="{kind}">' + "".join(f"<td>{text(c)}</td>" for c in row) + "</tr>" for kind, row in rows)
+    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
+
+
+def force_details(data):
+    parts = [f"<p>Scene <b>{text(data['scene'])}</b>; the default is <b>{text(data['default'])}</b>.</p>"]
+    for run in data.get("runs", []):
+        points = [p for p in data["points"] if (p["trajectory"], p["removals"]) == (run["trajectory"], run["removals"])]
+        removals = f", {run['removals']} elements removed per 20 ms" if run["removals"] else ""
+        state = (f"half a step of {run['reference_step_ms']} ms changes the reference by {percent(run['half_step_rms_rel'])} % of the peak, "
+                 f"{run['inverted']} elements inverted")
+        if not run["reference_converged"]:
+            state = f'<span class="bad">reference not converged</span>: {state}'
+        parts.append(f"<h3>{text(run['trajectory'])}{text(removals)}</h3><p>{run['seconds']} s; {state}. "
+                     f"The reference itself took {run['reference_cpu_s']} s of processor time.</p>")
+        in_space = any("space_rms_rel" in p for p in points)
+        head = ["", "CPU, ms/s", "haptic p99, µs", "RMS error, % of peak", "largest, %", "jump at swaps p95, %",
+                "buzz, mN", "onset, ms", "overlap, µm", "memory, MB"]
+        head += ["felt RMS, %", "felt largest, %"] if run["removals"] else []
+        head += ["mesh error, %", "mesh and time, %"] if in_space else []
+        rows = []
+        for p in sorted(points, key=lambda p: p["cpu_ms_per_s"]):
+            kind = ("chosen" if p["label"] == data["default"] else "" if p["reference_converged"] else "void")
+            row = [p["label"] + (" ◂ front" if p["pareto"] else ""), f"{p['cpu_ms_per_s']:.0f}",
+                   f"{p['haptic_us_p99']:.0f}", percent(p["force_rms_rel"]), percent(p["force_max_rel"], 1),
+                   percent(p["swap_jump_p95_rel"]), f"{1e3 * p['buzz_rms_n']:.4f}", f"{p['onset_ms']:.0f}",
+                   f"{p['penetration_um']:.2f}", f"{p['memory_mb']:.1f}"]
+            if run["removals"]:
+                row += [percent(p["felt_rms_rel"]), percent(p["felt_max_rel"], 1)]
+            if in_space:
+                row += [percent(p["space_rms_rel"]), percent(p["space_and_time_rms_rel"])] if "space_rms_rel" in p else ["", ""]
+            rows.append((kind, row))
+        if run["removals"]:
+            parts.append("<p>The errors have the delay of a removal in them: an element that the simulation takes at the "
+                         "begin of a step is felt to be gone 10 ms later. <i>Felt</i> are the errors against a reference "
+                         "that loses it then.</p>")
+        parts.append(table(head, rows))
+    if data.get("notes"):
+        parts.append("<h3>What a reader would wonder about</h3><ul>"
+                     + "".join(f"<li>{text(n)}</li>" for n in data["notes"]) + "</ul>")
+    if any(r["trajectory"].startswith("cataract_training") for r in data.get("runs", [])):
+        parts.append('<p class="dim">Recordings cataract_training: B. Varga, M. Poncelet, Sensors 2025, 25(16), 5165, '
+                     "doi 10.3390/s25165165, Apache-2.0.</p>")
+    return "".join(parts)
+
+
+def economy_details(data):
+    rows = []
+    for scene in data["scenes"]:
+        for what in ("chosen", "whole"):
+            m = scene[what]
+            rows.append(("chosen" if what == "chosen" else "",
+                         [f"{scene['scene']}: {m['model']}", percent(scene["accuracy"], 1), percent(m["error"]),
+                          f"{m['cost_ms']:.2f}", "" if what == "whole" else "yes" if scene["passed"] else "no"]))
+    return table(["", "asked for, %", "error, % of peak", "a step, ms", "passed"], rows)
+
+
+def step_details(data):
+    parts = sorted({part for p in data["points"] for part in p["parts_ms"]})
+    rows = [("" if p["fits_50hz"] else "void",
+             [f"{p['model']}, {p['compliance']}", p["nodes"], p["patch_nodes"], p["contacts"],
+              f"{p['step_ms_median']:.2f}", f"{p['step_ms_p99']:.2f}"] + [f"{p['parts_ms'][k]:.2f}" for k in parts])
+            for p in data["points"]]
+    head = ["", "nodes", "patch", "contacts", "step p50, ms", "p99"] + [k.replace("_", " ") for k in parts]
+    text_of = "<p>Parts are means. Grey: more than 0.5 % of the steps took longer than 20 ms.</p>" + table(head, rows)
+    if "tick" in data:
+        t = data["tick"]
+        text_of += (f"<p>A haptic tick with {t['contacts']} contacts of friction on {t['patch_nodes']} nodes: "
+                    f"{t['us_median']:.0f} µs, p99 {t['us_p99']:.0f} µs.</p>")
+    if "factor" in data:
+        f = data["factor"]
+        text_of += (f"<p>The factor of {f['nodes']} nodes: {f['own_ms']:.2f} ms, CHOLMOD {f['cholmod_ms']:.2f} ms, "
+                    f"{f['cholmod_ms'] / f['own_ms']:.2f} times.</p>")
+    return text_of
+
+
+DETAILS = {"force": force_details, "economy": economy_details, "step": step_details}
+
+
+def section(folder, entry):
+    name = entry["name"]
+    title, words = SECTIONS.get(name, (name, ""))
+    parts = [f'<h2 id="{text(name)}">{text(title)}</h2>', f"<p>{words}</p>"]
+    if entry["exit_code"] != 0:
+        parts.append(f'<p class="bad">This chart failed (exit code {entry["exit_code"]}); what it left is below.</p>')
+    parts += [picture(p) for p in sorted((folder / name).glob("*.png"))]
+    figures = folder / name / f"{name}.json"
+    if figures.exists() and name in DETAILS:
+        parts.append(DETAILS[name](json.loads(figures.read_text(encoding="utf-8"))))
+    parts.append(f'<p class="dim"><code>haptic chart {text(name)}</code>, {entry["seconds"]} s. '
+                 f"All figures: {text(name)}/{text(name)}.json.</p>")
+    return "".join(parts)
+
+
+def processor():
+    try:
+        for line in pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.machine()
+
+
+def main():
+    if len(sys.argv) != 3:
+        sys.exit(__doc__)
+    listing = pathlib.Path(sys.argv[1])
+    data = json.loads(listing.read_text(encoding="utf-8"))
+    charts = data["charts"]
+    links = "".join(f'<a href="#{text(c["name"])}">{text(SECTIONS.get(c["name"], (c["name"],))[0])}</a>' for c in charts)
+    quick = " Quick run: fewer cases than <code>haptic chart all</code> without <code>--quick</code>." if data["quick"] else ""
+    page = (f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>hapticd: charts</title>'
+            f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body>'
+            f"<h1>hapticd: speed against accuracy</h1>"
+            f'<p class="dim">Measured on this machine: {text(processor())}, {data["seconds"]} s in all.{quick}</p>'
+            f"<nav>{links}</nav>" + "".join(section(listing.parent, c) for c in charts) + "</body></html>")
+    pathlib.Path(sys.argv[2]).write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

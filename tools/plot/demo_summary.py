@@ -1,0 +1,109 @@
+#!/usr/bin/python3
+"""Merges DIR/daemon.json and DIR/replay.json into DIR/summary.json, prints it, and judges it.
+
+Exit code 0 if every figure is what it should be, 1 with the failing ones named, 2 if a file is missing or
+lacks a figure. Slots are the client's: scheduled, sent, answered. Everything else that both know is the
+daemon's, but for the peak force, which is the one the device received.
+Example: tools/plot/demo_summary.py build/demo
+"""
+import argparse
+import json
+import os
+import pathlib
+import platform
+import sys
+
+LIMITS = (
+    ("haptic_rate_hz", 999.0, "Hz"),
+    ("sim_rate_hz", 49.0, "Hz"),
+    ("elements_removed", 50, "elements"),
+)
+ANSWERED = 0.99
+
+
+def machine():
+    model = platform.processor() or platform.machine()
+    try:
+        for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                model = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        pass
+    return {"processor": model, "cores": os.cpu_count(), "kernel": platform.release()}
+
+
+def only(values, keys):
+    return {key: values[key] for key in keys}
+
+
+def merge(daemon, replay):
+    quantiles = ("p50", "p99", "p99_9", "max")
+    return {
+        "haptic_rate_hz": daemon["haptic_rate_hz"],
+        "haptic_deadline_misses": daemon["haptic_deadline_misses"],
+        "sim_rate_hz": daemon["sim_rate_hz"],
+        "sim_step_ms": only(daemon["sim_step_ms"], ("p50", "p99", "max")),
+        "solve_us": only(daemon["solve_us"], quantiles),
+        "wake_us": only(daemon["wake_us"], quantiles),
+        "elements_removed": daemon["elements_removed"],
+        "fragments_aspirated": daemon["fragments_aspirated"],
+        "force_peak_n": replay["force_peak_n"],
+        "penetration_max_um": daemon["penetration_max_um"],
+        "slots_scheduled": replay["slots_scheduled"],
+        "slots_sent": replay["slots_sent"],
+        "slots_answered": replay["slots_answered"],
+        "rtt_us": only(replay["rtt_us"], quantiles),
+        "state_age_us": only(replay["state_age_us"], quantiles),
+        "contact_share": replay["contact_share"],
+        "status_seen": replay["status_seen_text"],
+        "scene": daemon["scene"],
+        "duration_s": replay["duration_s"],
+        "machine": machine(),
+    }
+
+
+def failures(summary):
+    found = [f"{key} is {summary[key]:.6g} {unit}, at least {least:g} is asked for"
+             for key, least, unit in LIMITS if not summary[key] >= least]
+    scheduled, answered = summary["slots_scheduled"], summary["slots_answered"]
+    if not (scheduled > 0 and answered >= ANSWERED * scheduled):
+        found.append(f"slots_answered is {answered} of {scheduled} scheduled, "
+                     f"at least {ANSWERED:.0%} is asked for")
+    return found
+
+
+def text(value):
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {text(part)}" for key, part in value.items())
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("directory", type=pathlib.Path)
+    directory = parser.parse_args().directory
+    try:
+        daemon = json.loads((directory / "daemon.json").read_text())
+        replay = json.loads((directory / "replay.json").read_text())
+        summary = merge(daemon, replay)
+    except (OSError, ValueError) as error:
+        print(f"demo_summary.py: {error}", file=sys.stderr)
+        return 2
+    except KeyError as error:
+        print(f"demo_summary.py: {directory}: no figure {error}", file=sys.stderr)
+        return 2
+    (directory / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    width = max(map(len, summary))
+    for key, value in summary.items():
+        print(f"  {key:<{width}}  {text(value)}")
+    found = failures(summary)
+    for reason in found:
+        print(f"demo: {reason}", file=sys.stderr)
+    print("demo: " + ("failed" if found else "all as it should be"))
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,207 @@
+#!/usr/bin/python3
+"""Draws the figures of `haptic stability`, and one page with all of them that needs no other file.
+
+Example: tools/plot/plot_stability.py build/stability/stability.json build/stability
+"""
+import base64
+import html
+import pathlib
+import textwrap
+
+from plot_style import ACCENT, GREY, INK, plt, run
+
+CSS = """
+body { font: 16px/1.55 system-ui, sans-serif; color: #33383f; max-width: 60rem; margin: 2.5rem auto; padding: 0 1.2rem; }
+h1 { font-size: 1.9rem; } h2 { margin-top: 2.6rem; border-top: 1px solid #e1e4e8; padding-top: 1.2rem; }
+img { max-width: 100%; } table { border-collapse: collapse; font-size: .88rem; width: 100%; }
+th, td { text-align: right; padding: .25rem .5rem; border-bottom: 1px solid #e1e4e8; }
+th:first-child, td:first-child { text-align: left; } .bad { color: #b00020; font-weight: 600; }
+"""
+
+
+# Least first, so that the daemon is drawn over what it coincides with.
+WAYS = (("held", GREY, "^", 5, "force held for 20 ms"), ("wall", INK, "s", 7, "ideal 1 kHz wall, the best of its dampings"),
+        ("wall_alike", "#8a6fb0", "v", 7, "the wall as viscous as the tissue"),
+        ("controlled", "#2b7a78", "D", 8, "the daemon with its passivity controller"), ("default", ACCENT, "o", 4, "the daemon"))
+JUDGED = (("", "no swing at rest"), ("passive_", "no swing, and no energy made"))
+
+
+def limit_panels(points, x, lines):
+    """One panel for each judgement; returns the figure and its axes. The dotted line is what is asked."""
+    figure, panels = plt.subplots(1, 2, figsize=(11, 4), sharey=True)
+    for axes, (kind, title) in zip(panels, JUDGED):
+        for k, (who, colour, marker, size, label) in enumerate(WAYS):
+            if not any(f"{who}_n_m" in p for p in points):
+                continue
+            # Nothing sound in the whole range: no point.
+            limit = [p.get(f"{who}_{kind}n_m") or float("nan") for p in points]
+            at = x if lines else [v + 0.12 * (k - 2) for v in x]
+            axes.plot(at, limit, marker + ("-" if lines else ""), color=colour, ms=size, lw=1.4, label=label,
+                      mfc="none" if who == "controlled" else colour)
+        asked = [0.8 * p[f"wall_{kind}n_m"] for p in points]
+        if lines:
+            axes.plot(x, asked, ":", color=INK, lw=1, label="four fifths of the best wall")
+            axes.plot(x, [p["colgate_n_m"] for p in points], "--", color=GREY, lw=1.2,
+                      label="Colgate: 2 b / T, no damping rendered")
+        else:
+            for v, limit in zip(x, asked):
+                axes.plot([v - 0.35, v + 0.35], [limit, limit], ":", color=INK, lw=1.2,
+                          label="four fifths of the best wall" if v == x[0] else None)
+            axes.axhline(points[0]["colgate_n_m"], color=GREY, ls="--", lw=1.2, label="Colgate: 2 b / T")
+        axes.set(yscale="log")
+        axes.set_title(title, fontsize=10)
+    panels[0].set_ylabel("largest displayed stiffness [N/m]")
+    return figure, panels
+
+
+def save_panels(figure, panels, path):
+    figure.tight_layout()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.01), ncols=3, fontsize=9)
+    figure.savefig(path, bbox_inches="tight")
+    plt.close(figure)
+
+
+def draw_map(points, path):
+    b = [p["device_damping_ns_m"] for p in points]
+    figure, panels = limit_panels(points, b, True)
+    for axes in panels:
+        axes.set(xscale="log", xlabel="damping of the device [N·s/m]")
+    save_panels(figure, panels, path)
+
+
+def draw_grasps(points, path):
+    figure, panels = limit_panels(points, list(range(len(points))), False)
+    for axes in panels:
+        axes.set_xlim(-0.5, len(points) - 0.5)
+        axes.set_xticks(range(len(points)), [
+            f"{p['hand']}\n{1e3 * p['mass_kg']:g} g\n{p['damping_ns_m']:g} N·s/m\n{p['stiffness_n_m']:g} N/m" for p in points
+        ], fontsize=8)
+    save_panels(figure, panels, path)
+
+
+def draw_limits(axes, mode):
+    """What was judged over the value that was made worse; what lies below the axis sits on it, hollow."""
+    judged = {who: [(p["value"], p[who]["judged"]) for p in mode["points"] if who in p] for who in ("naive", "default")}
+    numbers = [j for points in judged.values() for _, j in points if j is not None] + [mode["limit"]]
+    # No number came out: above everything.
+    highest = 10 * max(numbers)
+    bottom = max(0.3 * min(n for n in numbers if n > 0), 1e-3 * mode["limit"])
+    for who, colour, size in (("naive", GREY, 7), ("default", ACCENT, 4)):
+        x = [value for value, _ in judged[who]]
+        y = [max(highest if j is None else j, bottom) for _, j in judged[who]]
+        axes.plot(x, y, "-", color=colour, clip_on=False)
+        for fill, shown in ((colour, [v > bottom for v in y]), ("white", [v <= bottom for v in y])):
+            axes.plot([v for v, s in zip(x, shown) if s], [v for v, s in zip(y, shown) if s], "o", color=colour, ms=size,
+                      mfc=fill, clip_on=False, zorder=3)
+    axes.axhline(mode["limit"], color=INK, lw=1, ls=":")
+    axes.axvline(mode["required"], color=INK, lw=1, ls="--")
+    axes.text(mode["required"], 1.01, "required", transform=axes.get_xaxis_transform(), ha="center", fontsize=8)
+    if mode["analytic_bound"] and mode["swept"][0] < mode["analytic_bound"] < mode["swept"][1]:
+        axes.axvline(mode["analytic_bound"], color=INK, lw=1, ls="-.")
+        axes.text(mode["analytic_bound"], 1.07, "bound", transform=axes.get_xaxis_transform(), ha="center", fontsize=8)
+    narrow = mode["swept"][1] < 8 * mode["swept"][0]
+    axes.set(xscale="linear" if narrow else "log", yscale="log",
+             xlabel="\n".join(textwrap.wrap(mode["parameter"].split(",")[0], 42)),
+             ylabel="\n".join(textwrap.wrap(mode["judged"], 36)), ylim=(bottom, None))
+    if not narrow and mode["swept"][1] < 100 * mode["swept"][0]:  # powers of ten alone would be one or two ticks
+        ticks, apart = [], (mode["swept"][1] / mode["swept"][0]) ** (1 / 7)
+        for value in sorted(p["value"] for p in mode["points"]):
+            if not ticks or value > apart * ticks[-1]:
+                ticks.append(value)
+        axes.set_xticks(ticks, [f"{v:.3g}" for v in ticks])
+        axes.tick_params(axis="x", which="minor", labelbottom=False)
+
+
+def draw_traces(axes, mode):
+    trace = mode["trace"]
+    logarithmic = trace["y"].startswith(("error", "residual"))
+    for who, colour, label in (("naive", GREY, "naive"), ("default", ACCENT, "daemon")):
+        few = len(trace[who]["x"]) < 40
+        y = [max(v, 1e-16) for v in trace[who]["y"]] if logarithmic else trace[who]["y"]
+        axes.plot(trace[who]["x"], y, "o-" if few else "-", ms=3, color=colour, lw=1, label=label)
+    axes.set(xlabel=trace["x"], ylabel=trace["y"])
+    if logarithmic:
+        axes.set(yscale="log")
+    else:
+        every = trace["naive"]["y"] + trace["default"]["y"]
+        limit = 3 * max(map(abs, trace["default"]["y"]), default=0) or 1
+        reach = max(map(abs, every))
+        axes.set(ylim=(-min(limit, 1.1 * reach) if min(every) < 0 else -0.05 * min(limit, reach), min(limit, 1.1 * reach)))
+    axes.set_title(f"at {mode['trace_value']:.4g}", fontsize=9, loc="left")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=2, fontsize=9)
+
+
+def draw_mode(mode, path):
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.6), gridspec_kw={"width_ratios": [1, 1.5]})
+    draw_limits(left, mode)
+    draw_traces(right, mode)
+    figure.tight_layout()
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def picture(path):
+    return f'<p><img alt="{path.stem}" src="data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"></p>'
+
+
+def shown(value):
+    return "–" if value is None else f"{value:g}"
+
+
+STATUS = ("disarmed holding ramping_down ramping_up problem_old problem_lost gap rejected latched conflict saturated "
+          "slew_limited not_finite solver_cap blending contacts_dropped "
+          "second_daemon contact_lost").split()
+
+
+def verdict(mode):
+    if not mode["survives_required_range"]:
+        return '<span class="bad">breaks</span>'
+    if not mode["ends_in_safe_state"]:
+        return "survives"
+    bits = [name for k, name in enumerate(STATUS) if mode["default_status_when_broken"] >> k & 1]
+    return "safe: " + html.escape(", ".join([mode["default_says"]] if mode["default_says"] else bits))
+
+
+def draw(data, folder):
+    folder = pathlib.Path(folder)
+    rows, sections = [], []
+    for key, of in (("map", draw_map), ("grasps", draw_grasps)):
+        if data.get(key):
+            of(data[key], folder / f"stability_{key}.png")
+    for mode in data["modes"]:
+        rows.append(f"<tr><td>{html.escape(mode['mode'])}</td><td>{shown(mode['naive_breaks_at'])}</td>"
+                    f"<td>{shown(mode['default_breaks_at'])}</td><td>{shown(mode['analytic_bound'])}</td>"
+                    f"<td>{shown(mode['required'])}</td><td>{verdict(mode)}</td></tr>")
+        text = (f"<h2>{html.escape(mode['mode'])}</h2><p>{html.escape(mode['parameter'])}. Naive: "
+                f"{html.escape(mode['naive'])}. Here: {html.escape(mode['default'])}. Judged: {html.escape(mode['judged'])}"
+                f"{'' if mode['last_sound'] else ', broken above ' + format(mode['limit'], 'g')}. Required: "
+                f"{html.escape(mode['required_because'])}.</p>")
+        if mode["mode"] == "stiffness":
+            text += picture(folder / "stability_map.png")
+        elif mode["mode"] == "grasps":
+            text += picture(folder / "stability_grasps.png") + "<ul>" + "".join(
+                f"<li>{html.escape(p['hand'])}: {html.escape(p['source'])}</li>" for p in data["grasps"]) + "</ul>"
+        elif mode.get("trace"):
+            path = folder / f"stability_{mode['mode'].replace(' ', '_')}.png"
+            draw_mode(mode, path)
+            text += picture(path)
+        sections.append(text)
+    if data.get("random"):
+        keys = [k for k in data["random"][0] if k not in ("passivity_control", "status")]
+        head = "".join(f"<th>controller {'on' if r['passivity_control'] else 'off'}</th>" for r in data["random"])
+        body = "".join(f"<tr><td>{k}</td>" + "".join(f"<td>{r[k]:g}</td>" for r in data["random"]) + "</tr>" for k in keys)
+        sections.append("<h2>random</h2><p>A hand strays through the cataract scene, cuts, and loses states.</p>"
+                        f"<table><tr><th></th>{head}</tr>{body}</table>")
+    page = (f"<!doctype html><html lang=en><meta charset=utf-8><title>Stability</title><style>{CSS}</style>"
+            "<h1>Where methods break</h1><p>One thing is made worse until something breaks; in most modes a hand on a "
+            "device presses into tissue, and the loop swings or makes energy. Grey is the naive method, orange the daemon. "
+            "Below, the first value that breaks each (of stiffness and grasps the last sound one); – means that none in "
+            "the range did.</p>"
+            "<table><tr><th>mode</th><th>naive breaks at</th><th>daemon breaks at</th><th>analytic bound</th>"
+            f"<th>required</th><th></th></tr>{''.join(rows)}</table>{''.join(sections)}</html>")
+    (folder / "stability.html").write_text(page)
+
+
+if __name__ == "__main__":
+    run(__doc__, draw, "stability.json", "folder for the pictures and stability.html")

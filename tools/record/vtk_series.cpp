@@ -1,0 +1,173 @@
+#include "tools/record/vtk_series.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <cstring>
+
+#include "tools/cli/report.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::uint8_t vtk_tetrahedron = 10;
+
+std::string base64(std::span<const unsigned char> bytes) {
+  constexpr const char* letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string out;
+  out.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t n = std::min<std::size_t>(3, bytes.size() - i);
+    std::uint32_t word = 0;
+    for (std::size_t k = 0; k < 3; ++k) word = word << 8 | (k < n ? bytes[i + k] : 0u);
+    for (std::size_t k = 0; k < 4; ++k) out += k <= n ? letters[word >> (18 - 6 * k) & 63u] : '=';
+  }
+  return out;
+}
+
+template <typename T>
+std::string array(const char* type, const char* name, int components, const std::vector<T>& values) {
+  const auto size = static_cast<std::uint32_t>(sizeof(T) * values.size());
+  std::vector<unsigned char> bytes(sizeof size + size);
+  std::memcpy(bytes.data(), &size, sizeof size);
+  if (size > 0) std::memcpy(bytes.data() + sizeof size, values.data(), size);
+  return std::string("<DataArray type=\"") + type + "\" Name=\"" + name + "\" NumberOfComponents=\"" +
+         std::to_string(components) + "\" format=\"binary\">" + base64(bytes) + "</DataArray>\n";
+}
+
+void push(std::vector<float>& out, const Vec3& v) {
+  for (int i = 0; i < 3; ++i) out.push_back(static_cast<float>(v[i]));
+}
+
+std::string file_of(const char* type, const std::string& content) {
+  return std::string("<?xml version=\"1.0\"?>\n<VTKFile type=\"") + type +
+         "\" version=\"0.1\" byte_order=\"LittleEndian\" header_type=\"UInt32\">\n<" + type + ">\n" +
+         content + "</" + type + ">\n</VTKFile>\n";
+}
+
+// The tetrahedra chosen, and the nodes that they use.
+std::string grid(const TetMesh& mesh, std::span<const Vec3> nodes, const std::vector<int>& tets) {
+  std::vector<int> point_of(mesh.nodes.size(), -1);
+  std::vector<float> points, displacement;
+  std::vector<std::int32_t> connectivity, offsets, element;
+  int count = 0;
+  for (const int e : tets) {
+    for (const int n : mesh.tets[static_cast<std::size_t>(e)]) {
+      const auto i = static_cast<std::size_t>(n);
+      if (point_of[i] < 0) {
+        point_of[i] = count++;
+        push(points, nodes[i]);
+        push(displacement, nodes[i] - mesh.nodes[i]);
+      }
+      connectivity.push_back(point_of[i]);
+    }
+    offsets.push_back(static_cast<std::int32_t>(connectivity.size()));
+    element.push_back(e);
+  }
+  const std::vector<std::uint8_t> types(tets.size(), vtk_tetrahedron);
+  return file_of("UnstructuredGrid",
+                 "<Piece NumberOfPoints=\"" + std::to_string(count) + "\" NumberOfCells=\"" +
+                     std::to_string(tets.size()) + "\">\n<PointData Vectors=\"displacement\">\n" +
+                     array("Float32", "displacement", 3, displacement) +
+                     "</PointData>\n<CellData Scalars=\"element\">\n" +
+                     array("Int32", "element", 1, element) + "</CellData>\n<Points>\n" +
+                     array("Float32", "Points", 3, points) + "</Points>\n<Cells>\n" +
+                     array("Int32", "connectivity", 1, connectivity) + array("Int32", "offsets", 1, offsets) +
+                     array("UInt8", "types", 1, types) + "</Cells>\n</Piece>\n");
+}
+
+std::string points_file(const VtkContact& c) {
+  std::vector<float> points, force, gap{0};
+  std::vector<std::int32_t> kind{0};
+  push(points, c.instrument);
+  push(force, c.force);
+  for (const ContactForce& f : c.contacts) {
+    push(points, f.place);
+    push(force, f.force);
+    gap.push_back(static_cast<float>(f.gap));
+    kind.push_back(1);
+  }
+  const std::size_t n = kind.size();
+  std::vector<std::int32_t> each(n), ends(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    each[i] = static_cast<std::int32_t>(i);
+    ends[i] = each[i] + 1;
+  }
+  return file_of("PolyData", "<Piece NumberOfPoints=\"" + std::to_string(n) + "\" NumberOfVerts=\"" +
+                                 std::to_string(n) +
+                                 "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n"
+                                 "<PointData Vectors=\"force\">\n" +
+                                 array("Float32", "force", 3, force) + array("Float32", "gap", 1, gap) +
+                                 array("Int32", "kind", 1, kind) + "</PointData>\n<Points>\n" +
+                                 array("Float32", "Points", 3, points) + "</Points>\n<Verts>\n" +
+                                 array("Int32", "connectivity", 1, each) +
+                                 array("Int32", "offsets", 1, ends) + "</Verts>\n</Piece>\n");
+}
+
+std::string as_file_name(std::string name) {
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-') c = '_';
+  return name;
+}
+
+std::string numbered(const std::string& name, int n, const char* ending) {
+  char number[16];
+  std::snprintf(number, sizeof number, "_%06d", n);
+  return as_file_name(name) + number + ending;
+}
+
+}  // namespace
+
+VtkSeries::VtkSeries(const std::filesystem::path& directory) : directory_(directory) {
+  std::filesystem::create_directories(directory);
+}
+
+void VtkSeries::part(int index, const std::string& file) {
+  char line[96];
+  std::snprintf(line, sizeof line, "<DataSet timestep=\"%.6f\" part=\"%d\" file=\"", t_, index);
+  parts_ += line + file + "\"/>\n";
+}
+
+void VtkSeries::add_body(std::size_t b, const VtkBody& body) {
+  const bool still = body.nodes.empty();
+  std::vector<int> living, gone;
+  for (std::size_t e = 0; e < body.mesh->tets.size(); ++e)
+    (body.alive.empty() || body.alive[e] ? living : gone).push_back(static_cast<int>(e));
+  if (!still || still_file_[b].empty()) {
+    const std::string file = numbered(body.name, frames_, ".vtu");
+    write_file((directory_ / file).string(),
+               grid(*body.mesh, still ? std::span<const Vec3>(body.mesh->nodes) : body.nodes, living));
+    still_file_[b] = file;
+  }
+  part(static_cast<int>(2 * b), still_file_[b]);
+  if (gone.empty()) return;
+  if (const std::vector<std::uint8_t> alive(body.alive.begin(), body.alive.end());
+      alive != removed_seen_[b]) {
+    removed_file_[b] = numbered(body.name + "_removed", frames_, ".vtu");
+    write_file((directory_ / removed_file_[b]).string(), grid(*body.mesh, body.mesh->nodes, gone));
+    removed_seen_[b] = alive;
+  }
+  part(static_cast<int>(2 * b + 1), removed_file_[b]);
+}
+
+void VtkSeries::add(double t, const std::vector<VtkBody>& bodies, const VtkContact& contact) {
+  t_ = t;
+  removed_seen_.resize(bodies.size());
+  removed_file_.resize(bodies.size());
+  still_file_.resize(bodies.size());
+  for (std::size_t b = 0; b < bodies.size(); ++b) add_body(b, bodies[b]);
+  const std::string file = numbered("contact", frames_, ".vtp");
+  write_file((directory_ / file).string(), points_file(contact));
+  part(static_cast<int>(2 * bodies.size()), file);
+  ++frames_;
+}
+
+void VtkSeries::finish() const {
+  write_file(
+      (directory_ / "scene.pvd").string(),
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n"
+      "<Collection>\n" +
+          parts_ + "</Collection>\n</VTKFile>\n");
+}
+
+}  // namespace hapticd

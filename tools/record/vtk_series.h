@@ -1,0 +1,61 @@
+// A scene over time for ParaView: DIR/scene.pvd names, for each moment, a file of each body and one of the
+// contact.
+//
+//   BODY_000012.vtu          the living tetrahedra; points: displacement [m]; cells: element (its index)
+//   BODY_removed_000012.vtu  the tetrahedra that are gone, where they were at rest; written when they change
+//   contact_000012.vtp       first the instrument's origin with the force on it, then each contact with the
+//   force
+//                            on the tissue; points: force [N], gap [m], kind (0 instrument, 1 contact)
+//
+// In ParaView: open scene.pvd; Glyph, scaled by `force`, for the arrows. A body without tetrahedra to deform
+// is written once. Numbers are float32, base64. Units: s, m, N, scene axes. Errors: std::runtime_error naming
+// the file.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "physics/tissue/mesh.h"
+#include "server/observe/contact_forces.h"
+
+namespace hapticd {
+
+// A body as it is now; `alive` empty: all of them are.
+struct VtkBody {
+  std::string name;
+  const TetMesh* mesh = nullptr;  // at rest
+  std::span<const Vec3> nodes;    // now; empty: at rest
+  std::span<const std::uint8_t> alive;
+};
+
+struct VtkContact {
+  Vec3 instrument = Vec3::Zero();
+  Vec3 force = Vec3::Zero();  // on the instrument
+  std::vector<ContactForce> contacts;
+};
+
+class VtkSeries {
+ public:
+  explicit VtkSeries(const std::filesystem::path& directory);
+
+  void add(double t, const std::vector<VtkBody>& bodies, const VtkContact& contact);
+  // Writes scene.pvd; the series can be opened from then on.
+  void finish() const;
+  int frames() const { return frames_; }
+
+ private:
+  void add_body(std::size_t part, const VtkBody& body);
+  void part(int index, const std::string& file);
+
+  std::filesystem::path directory_;
+  int frames_ = 0;
+  double t_ = 0;
+  std::string parts_;                                    // the .pvd's lines
+  std::vector<std::vector<std::uint8_t>> removed_seen_;  // per body: `alive` of the newest removed file
+  std::vector<std::string> removed_file_, still_file_;   // per body
+};
+
+}  // namespace hapticd

@@ -1,0 +1,210 @@
+#include "tools/stability/stability.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <future>
+#include <iterator>
+#include <thread>
+#include <utility>
+
+#include "haptic/device.h"
+#include "server/files/paths.h"
+#include "server/scene/scene_reader.h"
+#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_stiffness.h"
+
+namespace hapticd {
+
+namespace {
+
+// Bits that say that the force is being withdrawn, or replaced by damping.
+constexpr std::uint32_t safe_states = status_ramping_down | status_disarmed | status_latched |
+                                      status_problem_old | status_problem_lost | status_not_finite;
+
+// Tries both methods up the values until each has broken; false: stopped.
+bool sweep(StabilityMode& mode, const ModeProgress& progress) {
+  const StabilityPlan& plan = mode.plan;
+  const auto breaks = [&](const StabilityTrial& trial) { return !(trial.judged <= plan.limit); };
+  double reached = 0;
+  for (std::size_t k = 0; k < plan.values.size(); ++k) {
+    if (!progress(static_cast<double>(k) / static_cast<double>(plan.values.size()))) return false;
+    const double value = plan.values[k];
+    StabilityMode::Point point;
+    point.value = value;
+    point.has_naive = mode.naive_breaks_at == 0;
+    point.has_ours = mode.default_breaks_at == 0;
+    if (!point.has_naive && !point.has_ours) break;
+    if (point.has_naive) {
+      point.naive = plan.run_naive(value);
+      if (breaks(point.naive)) mode.naive_breaks_at = value;
+    }
+    if (point.has_ours) {
+      point.ours = plan.run_ours(value);
+      reached = value;
+      mode.default_status = point.ours.status;
+      mode.default_says = point.ours.says;
+      if (breaks(point.ours)) mode.default_breaks_at = value;
+    }
+    mode.points.push_back(std::move(point));
+  }
+  mode.ends_safe =
+      mode.default_breaks_at > 0 && ((mode.default_status & safe_states) != 0 || !mode.default_says.empty());
+  // What was not tried was not survived.
+  mode.survives = mode.ends_safe ||
+                  (reached >= plan.required * (1 - 1e-9) &&
+                   (mode.default_breaks_at == 0 || mode.default_breaks_at > plan.required * (1 + 1e-9)));
+  return true;
+}
+
+using Settings = StabilitySettings;
+
+template <StabilityPlan (*plan)(StabilityBench&, bool)>
+bool swept(const char* name, StabilityBench& bench, const Settings& settings, StabilityChart& chart,
+           const ModeProgress& progress) {
+  StabilityMode mode;
+  mode.mode = name;
+  mode.plan = plan(bench, settings.quick);
+  const bool on = sweep(mode, progress);
+  chart.modes.push_back(std::move(mode));
+  return on;
+}
+
+template <bool (*made)(StabilityBench&, bool, StabilityChart&, const ModeProgress&)>
+bool charted(const char*, StabilityBench& bench, const Settings& settings, StabilityChart& chart,
+             const ModeProgress& progress) {
+  return made(bench, settings.quick, chart, progress);
+}
+
+bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityChart& chart,
+             const ModeProgress& progress) {
+  const Scene cataract = read_scene(config_directory() / "scenes/cataract/cataract.yaml");
+  RandomSettings random;
+  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 5000 : 1'000'000;
+  random.seed = settings.random_seed;
+  random.passivity_control = true;
+  bool on = true;
+  chart.random.push_back(run_random(cataract, random, [&](double f) { return on = progress(0.9 * f); }));
+  if (!on) return false;
+  random.passivity_control = false;  // a tenth of it, for comparison
+  random.ticks /= 10;
+  chart.random.push_back(
+      run_random(cataract, random, [&](double f) { return on = progress(0.9 + 0.1 * f); }));
+  return on;
+}
+
+bool carved(const char*, StabilityBench&, const Settings& settings, StabilityChart& chart,
+            const ModeProgress& progress) {
+  CarveSettings carve;
+  if (settings.quick) carve.ticks = 5000;
+  if (settings.random_ticks > 0) carve.ticks = settings.random_ticks;
+  carve.seed = settings.random_seed;
+  bool on = true;
+  chart.carve.push_back(run_carve(read_scene(config_directory() / "scenes/cataract/cataract.yaml"), carve,
+                                  [&](double f) { return on = progress(f); }));
+  return on;
+}
+
+struct Entry {
+  const char* name;
+  bool (*run)(const char* name, StabilityBench&, const Settings&, StabilityChart&, const ModeProgress&);
+  double effort;  // of the whole, for the progress line
+};
+constexpr Entry entries[] = {
+    {"stiffness", charted<chart_stiffness>, 20},
+    {"grasps", charted<chart_grasps>, 15},
+    {"delay", swept<plan_delay>, 2},
+    {"stall", swept<plan_stall>, 1},
+    {"problem swap", swept<plan_swap>, 2},
+    {"removal under load", swept<plan_removal>, 2},
+    {"near-static removal", swept<plan_near_static>, 1},
+    {"conforming contacts", swept<plan_conforming>, 2},
+    {"duplicated contacts", swept<plan_duplicated>, 2},
+    {"crushed elements", swept<plan_crushing>, 2},
+    {"incompressible", swept<plan_incompressible>, 2},
+    {"large rotation", swept<plan_rotation>, 1},
+    {"slender body under its weight", swept<plan_slender>, 10},
+    {"pressed and let go", swept<plan_let_go>, 10},
+    {"remnant on few nodes", swept<plan_remnant>, 30},
+    {"fast stroke", swept<plan_fast_stroke>, 1},
+    {"packet loss", swept<plan_packet_loss>, 1},
+    {"random loss", swept<plan_random_loss>, 1},
+    {"jitter", swept<plan_jitter>, 1},
+    {"reordering", swept<plan_reordering>, 1},
+    {"quantum", swept<plan_quantum>, 1},
+    {"slow simulation", swept<plan_slow_simulation>, 1},
+    {"wedged tool", swept<plan_wedge>, 1},
+    {"friction", swept<plan_friction>, 1},
+    {"stiffness ratio", swept<plan_stiffness_ratio>, 1},
+    {"random", strayed, 50},
+    {"carve", carved, 50},
+};
+
+}  // namespace
+
+std::vector<std::string> stability_mode_names() {
+  std::vector<std::string> names;
+  for (const Entry& e : entries) names.emplace_back(e.name);
+  return names;
+}
+
+StabilityChart chart_stability(const Scene& cube, const StabilitySettings& settings,
+                               const std::function<bool(double, const std::string&)>& progress) {
+  std::vector<const Entry*> wanted;
+  double whole = 0;
+  for (const Entry& e : entries) {
+    if (!settings.only.empty() &&
+        std::find(settings.only.begin(), settings.only.end(), e.name) == settings.only.end())
+      continue;
+    wanted.push_back(&e);
+    whole += e.effort;
+  }
+  std::vector<StabilityChart> parts(wanted.size());
+  std::vector<std::atomic<double>> done(wanted.size());
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> on{true};
+  // Modes know nothing of one another: a thread for each core, charts joined in the table's order.
+  const auto work = [&] {
+    StabilityBench bench(cube);
+    for (std::size_t k; on && (k = next++) < wanted.size();) {
+      const auto within = [&](double fraction) {
+        done[k] = fraction;
+        return on.load();
+      };
+      try {
+        wanted[k]->run(wanted[k]->name, bench, settings, parts[k], within);
+      } catch (...) {
+        on = false;
+        throw;
+      }
+      done[k] = 1;
+    }
+  };
+  std::vector<std::future<void>> threads;
+  const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
+  for (std::size_t k = 0; k < std::min(cores, wanted.size()); ++k)
+    threads.push_back(std::async(std::launch::async, work));
+  for (std::future<void>& thread : threads)
+    while (thread.wait_for(std::chrono::milliseconds(20)) != std::future_status::ready) {
+      double sum = 0;
+      for (std::size_t k = 0; k < wanted.size(); ++k) sum += wanted[k]->effort * done[k];
+      const std::size_t newest = std::min<std::size_t>(next, wanted.size());
+      if (!progress(sum / whole, newest > 0 ? wanted[newest - 1]->name : "")) on = false;
+    }
+  for (std::future<void>& thread : threads) thread.get();
+  StabilityChart chart;
+  const auto join = [](auto& all, auto& part) {
+    std::move(part.begin(), part.end(), std::back_inserter(all));
+  };
+  for (StabilityChart& part : parts) {
+    join(chart.map, part.map);
+    join(chart.grasps, part.grasps);
+    join(chart.modes, part.modes);
+    join(chart.random, part.random);
+    join(chart.carve, part.carve);
+  }
+  return chart;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,80 @@
+// Where methods fail, and where this one does: one parameter at a time is made worse until something breaks.
+//
+// A mode (stability_mode.h) has a parameter, what is judged, the limit beyond which it counts as broken, a
+// naive method (this project's own left out, or what others do) and the daemon's default. A method breaks at
+// the first value at which what is judged is above the limit, or no number. Of mode `stiffness` and of the
+// grasps the last sound value is kept instead, for what is displayed beyond it cannot be said. Analytic
+// bounds are for a sampled spring wall K on a device of damping b, force held for T, delayed by t_d:
+//   K ≤ b / (T/2 + t_d)                (Colgate and Schenkel 1997, passivity, hand excluded)
+//   K ≤ 2 f_c / Δ                      (Abbott and Okamura 2005, quantum Δ, Coulomb friction f_c)
+// They are sufficient for any passive hand; the hand here damps too, so a loop may last beyond them.
+// Most modes press the ball of config/scenes/cube (stability_bench.h). Everything is deterministic.
+// Units in names, SI otherwise.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "server/scene/scene.h"
+#include "tools/stability/stability_carve.h"
+#include "tools/stability/stability_mode.h"
+#include "tools/stability/stability_random.h"
+
+namespace hapticd {
+
+// One mode, tried.
+struct StabilityMode {
+  std::string mode;
+  StabilityPlan plan;
+  double naive_breaks_at = 0, default_breaks_at = 0;  // 0: never in the range
+  bool survives = false;   // sound beyond what is required, or broken into a safe state that is said
+  bool ends_safe = false;  // where it broke, it said so: a status bit, or words
+  std::uint32_t default_status = 0;  // bits at the value that broke it, or at the largest
+  std::string default_says;
+  struct Point {
+    double value = 0;
+    StabilityTrial naive, ours;
+    bool has_naive = false, has_ours = false;
+  };
+  std::vector<Point> points;
+};
+
+// The largest displayed stiffness [N/m] by swing and by energy, of one way to render.
+struct Largest {
+  double steady = 0, passive = 0;
+};
+
+// Displayed stiffness on one device, in one hand.
+struct StiffnessPoint {
+  std::string hand, source;  // of a grasp; empty in the map over the device's damping
+  double mass = 0, damping = 0, stiffness = 0;
+  double device_damping = 0;  // [N·s/m]
+  Largest wall, ours, held;
+  Largest alike;       // the wall with the tissue's own viscosity, 2 ms, where `wall` picks its best
+  Largest controlled;  // ours with the passivity controller
+  double colgate = 0;  // 2 b/T
+};
+
+struct StabilityChart {
+  std::vector<StiffnessPoint> map;  // over the device's damping
+  std::vector<StiffnessPoint> grasps;
+  std::vector<StabilityMode> modes;
+  std::vector<RandomReport> random;
+  std::vector<CarveReport> carve;
+};
+
+struct StabilitySettings {
+  bool quick = false;
+  std::vector<std::string> only;  // modes by name; empty: all
+  std::int64_t random_ticks = 0;  // of modes `random` and `carve`; 0: 10⁶, quick 5000
+  std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
+};
+
+std::vector<std::string> stability_mode_names();
+
+// One thread for each core. `progress(fraction, what)`, called by the caller's, returns false to stop.
+StabilityChart chart_stability(const Scene& cube, const StabilitySettings& settings,
+                               const std::function<bool(double, const std::string&)>& progress);
+
+}  // namespace hapticd

@@ -1,0 +1,54 @@
+// The cataract scene carved to pieces: seeded grooves, plunges and sweeps, until little is left.
+//
+// A script leads the device where no hand could go: grooves deeper and deeper along and across the anterior
+// face down to the posterior one, plunges through the lens into the capsule, sweeps to the equator and along
+// the capsule, quarters eaten away, and rests in which what is left lies alone. 1 to 12 mm/s in the scene,
+// pedals up or down, the scene's rate of removal or three times that, bases one to four steps late, a fresh
+// scene every `episode` ticks. Every third seed first cuts round a core, at ten times the rate and without
+// suction, so that a free piece is left and pushed about. The daemon is that of virtual_daemon.h, with interim problems and refreshes;
+// the device is the scene's with its own limits. Looked at:
+//   each tick   force and torque finite, within the device's maximum and slew
+//   each step   nothing has burst (tissue_watch.h); what throws is an end
+// An episode ends at its first fault, which is kept with its seed. Deterministic, on however many cores.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "server/scene/scene.h"
+
+namespace hapticd {
+
+struct CarveSettings {
+  std::int64_t ticks = 1'000'000;
+  std::int64_t episode = 100'000;
+  std::uint64_t seed = 1;  // of the first episode; each further one has the next
+};
+
+struct CarveFault {
+  std::uint64_t seed = 0;
+  std::int64_t tick = 0;
+  std::string what;
+};
+
+struct CarveReport {
+  std::int64_t ticks = 0, steps = 0, strokes = 0, in_contact = 0;
+  std::int64_t latched = 0;  // ticks
+  int removed = 0;
+  double force_max = 0, device_max = 0;       // [N]
+  double farthest = 0, farthest_allowed = 0;  // [m]
+  double fastest = 0, fastest_allowed = 0;    // [m/s]
+  double made = 0, made_allowed = 0;          // by a free piece [J]
+  std::int64_t free_steps = 0;                // with a free piece
+  double free_energy = 0;                     // largest of one when it was let go; 0: there was none [J]
+  std::uint32_t status = 0;                   // every bit that was set
+  std::vector<CarveFault> faults;
+};
+
+// `progress(fraction)` returns false to stop.
+CarveReport run_carve(const Scene& cataract, const CarveSettings& settings,
+                      const std::function<bool(double)>& progress);
+
+}  // namespace hapticd

@@ -1,0 +1,305 @@
+// haptic stability: options, figures and pictures of stability.h.
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "server/files/paths.h"
+#include "server/scene/scene_reader.h"
+#include "tools/chart/chart.h"
+#include "tools/cli/command.h"
+#include "tools/cli/interrupt.h"
+#include "tools/cli/progress.h"
+#include "tools/cli/report.h"
+#include "tools/client/client.h"
+#include "tools/stability/stability.h"
+#include "tools/stability/stability_dds.h"
+
+namespace hapticd {
+
+namespace {
+
+struct Options {
+  std::string json, out;
+  bool force = false;
+  bool dds = false;
+  StabilitySettings settings;
+};
+
+nlohmann::ordered_json number_or_null(double value, int decimals) {
+  return value > 0 ? nlohmann::ordered_json(rounded(value, decimals)) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json to_json(const StabilityTrial& trial) {
+  nlohmann::ordered_json j = {
+      {"judged", std::isfinite(trial.judged) ? nlohmann::ordered_json(rounded(trial.judged, 6))
+                                             : nlohmann::ordered_json(nullptr)},
+      {"status", trial.status}};
+  if (!trial.says.empty()) j["says"] = trial.says;
+  if (!trial.loop) return j;
+  // Stability and passivity, each by itself.
+  const ClosedLoopResult& r = *trial.loop;
+  j["swing_um"] = rounded(1e6 * r.swing, 3);
+  j["surplus_uj"] = rounded(1e6 * r.surplus_min, 4);
+  j["stiffness_n_m"] = rounded(r.stiffness, 2);
+  j["force_max_n"] = rounded(r.force_max, 5);
+  j["force_step_max_n"] = rounded(r.force_step_max, 5);
+  return j;
+}
+
+nlohmann::ordered_json to_json(const std::vector<std::pair<double, double>>& trace) {
+  nlohmann::ordered_json j = {{"x", nlohmann::ordered_json::array()}, {"y", nlohmann::ordered_json::array()}};
+  for (const auto& [x, y] : trace) {
+    j["x"].push_back(rounded(x, 4));
+    j["y"].push_back(std::abs(y) < 1e-6 ? y : rounded(y, 9));  // errors may be far below
+  }
+  return j;
+}
+
+nlohmann::ordered_json to_json(const StabilityMode& m) {
+  const StabilityPlan& plan = m.plan;
+  nlohmann::ordered_json j = {{"mode", m.mode},
+                              {"parameter", plan.parameter},
+                              {"naive", plan.naive},
+                              {"default", plan.ours},
+                              {"judged", plan.judged},
+                              {"limit", plan.limit},
+                              {"last_sound", plan.last_sound},
+                              {"naive_breaks_at", number_or_null(m.naive_breaks_at, 4)},
+                              {"default_breaks_at", number_or_null(m.default_breaks_at, 4)},
+                              {"analytic_bound", number_or_null(plan.analytic_bound, 3)},
+                              {"required", rounded(plan.required, 4)},
+                              {"required_because", plan.reason},
+                              {"default_status_when_broken", m.default_breaks_at > 0 ? m.default_status : 0},
+                              {"default_says", m.default_says},
+                              {"ends_in_safe_state", m.ends_safe},
+                              {"survives_required_range", m.survives}};
+  if (!plan.values.empty()) j["swept"] = {plan.values.front(), plan.values.back()};
+  const StabilityMode::Point* broken = nullptr;
+  for (const StabilityMode::Point& p : m.points) {
+    nlohmann::ordered_json point = {{"value", rounded(p.value, 4)}};
+    if (p.has_naive) point["naive"] = to_json(p.naive);
+    if (p.has_ours) point["default"] = to_json(p.ours);
+    j["points"].push_back(std::move(point));
+    if (p.has_naive && p.has_ours) broken = &p;
+  }
+  // The last value at which both ran: where the first of them breaks.
+  if (broken) {
+    j["trace_value"] = rounded(broken->value, 4);
+    j["trace"] = {{"x", plan.trace_x},
+                  {"y", plan.trace_y},
+                  {"naive", to_json(broken->naive.trace)},
+                  {"default", to_json(broken->ours.trace)}};
+  }
+  return j;
+}
+
+nlohmann::ordered_json to_json(const StiffnessPoint& p) {
+  nlohmann::ordered_json j;
+  if (!p.hand.empty()) j = {{"hand", p.hand}, {"source", p.source}};
+  j["mass_kg"] = p.mass;
+  j["damping_ns_m"] = p.damping;
+  j["stiffness_n_m"] = p.stiffness;
+  j["device_damping_ns_m"] = p.device_damping;
+  const auto put = [&](const char* name, const Largest& of) {
+    j[std::string(name) + "_n_m"] = rounded(of.steady, 1);
+    j[std::string(name) + "_passive_n_m"] = rounded(of.passive, 1);
+  };
+  put("wall", p.wall);
+  put("default", p.ours);
+  put("held", p.held);
+  put("wall_alike", p.alike);
+  if (p.controlled.steady > 0) put("controlled", p.controlled);
+  j["colgate_n_m"] = rounded(p.colgate, 1);
+  const auto over = [&](const char* name, const Largest& other) {
+    if (other.steady > 0) j[std::string("over_") + name] = rounded(p.ours.steady / other.steady, 3);
+    if (other.passive > 0)
+      j[std::string("over_") + name + "_passive"] = rounded(p.ours.passive / other.passive, 3);
+  };
+  over("wall", p.wall);
+  over("wall_alike", p.alike);
+  over("held", p.held);
+  return j;
+}
+
+nlohmann::ordered_json to_json(const RandomReport& r) {
+  return {{"passivity_control", r.passivity_control},
+          {"ticks", r.ticks},
+          {"in_contact", r.in_contact},
+          {"not_finite", r.not_finite},
+          {"above_maximum", r.above_maximum},
+          {"latched", r.latched},
+          {"saturated", r.saturated},
+          {"solver_caps", r.solver_caps},
+          {"removed", r.removed},
+          {"force_max_n", rounded(r.force_max, 5)},
+          {"device_max_n", r.device_max},
+          {"energy_made_mj", rounded(1e3 * r.made, 5)},
+          {"energy_absorbed_mj", rounded(1e3 * r.absorbed, 5)},
+          {"controlled_force_max_n", rounded(r.controlled_force_max, 5)},
+          {"controlled_force_rms_n", rounded(r.controlled_force_rms, 6)},
+          {"controlled_work_mj", rounded(1e3 * r.controlled_work, 5)},
+          {"status", r.status}};
+}
+
+nlohmann::ordered_json to_json(const CarveReport& r) {
+  nlohmann::ordered_json j = {{"ticks", r.ticks},
+                              {"steps", r.steps},
+                              {"strokes", r.strokes},
+                              {"in_contact", r.in_contact},
+                              {"latched", r.latched},
+                              {"removed", r.removed},
+                              {"force_max_n", rounded(r.force_max, 5)},
+                              {"device_max_n", r.device_max},
+                              {"farthest_mm", rounded(1e3 * r.farthest, 4)},
+                              {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
+                              {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
+                              {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
+                              {"free_steps", r.free_steps},
+                              {"made_j", r.made},
+                              {"made_allowed_j", r.made_allowed},
+                              {"free_energy_j", r.free_energy},
+                              {"status", r.status},
+                              {"faults", nlohmann::ordered_json::array()}};
+  for (const CarveFault& f : r.faults)
+    j["faults"].push_back({{"seed", f.seed}, {"tick", f.tick}, {"what", f.what}});
+  return j;
+}
+
+nlohmann::ordered_json to_json(const DdsPress& p) {
+  return {{"force_scale", p.force_scale},
+          {"displayed_n_m", rounded(p.displayed, 1)},
+          {"ran", p.ran},
+          {"swing_um", rounded(1e6 * p.swing, 2)},
+          {"made_uj", rounded(1e6 * p.made, 3)},
+          {"offline_swing_um", rounded(1e6 * p.offline_swing, 2)},
+          {"offline_made_uj", rounded(1e6 * p.offline_made, 3)},
+          {"round_trip_p99_us", rounded(p.round_trip_p99_us, 1)},
+          {"round_trip_max_us", rounded(p.round_trip_max_us, 1)},
+          {"unanswered_share", rounded(p.unanswered, 5)},
+          {"status_seen_text", status_text(p.status)}};
+}
+
+nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
+  nlohmann::ordered_json json;
+  json["command"] = "stability";
+  json["quick"] = quick;
+  for (const StiffnessPoint& p : chart.map) json["map"].push_back(to_json(p));
+  for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
+  for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
+  for (const CarveReport& r : chart.carve) json["carve"].push_back(to_json(r));
+  json["modes"] = nlohmann::ordered_json::array();
+  for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
+  return json;
+}
+
+std::string at(double value) {
+  return value <= 0     ? "–"
+         : value >= 1e5 ? fixed(1e-3 * value, 0) + "k"
+                        : fixed(value, value < 1     ? 3
+                                       : value < 100 ? 1
+                                                     : 0);
+}
+
+bool print(const StabilityChart& chart) {
+  bool all = true;
+  std::printf("%-20s %9s %9s %9s %9s\n", "mode", "naive", "default", "bound", "required");
+  for (const StabilityMode& m : chart.modes) {
+    std::printf("%-20s %9s %9s %9s %9s  %s\n", m.mode.c_str(), at(m.naive_breaks_at).c_str(),
+                at(m.default_breaks_at).c_str(), at(m.plan.analytic_bound).c_str(),
+                at(m.plan.required).c_str(),
+                m.survives ? (m.ends_safe ? "safe state" : "survives") : "BREAKS");
+    all = all && m.survives;
+  }
+  for (const RandomReport& r : chart.random) {
+    const bool sound = r.not_finite == 0 && r.above_maximum == 0;
+    std::printf(
+        "random: %lld ticks, controller %s, %d removed, largest force %.3f of %.1f N, made %.4f mJ  %s\n",
+        static_cast<long long>(r.ticks), r.passivity_control ? "on" : "off", r.removed, r.force_max,
+        r.device_max, 1e3 * r.made, sound ? "sound" : "UNSOUND");
+    all = all && sound;
+  }
+  for (const CarveReport& r : chart.carve) {
+    std::printf(
+        "carve: %lld ticks, %lld strokes, %d removed, largest force %.3f of %.1f N, farthest %.2f of %.2f "
+        "mm, fastest %.1f of %.1f mm/s, free pieces in %lld of %lld steps made %.2g J of up to %.2g J  %s\n",
+        static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
+        r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
+        static_cast<long long>(r.free_steps), static_cast<long long>(r.steps), r.made, r.free_energy,
+        r.faults.empty() ? "sound" : "UNSOUND");
+    for (const CarveFault& f : r.faults)
+      std::printf("  seed %llu, tick %lld: %s\n", static_cast<unsigned long long>(f.seed),
+                  static_cast<long long>(f.tick), f.what.c_str());
+    all = all && r.faults.empty();
+  }
+  return all;
+}
+
+int stability(const Options& options) {
+  const OutputRule rule(options.force);
+  rule.require_figures("--json", options.json);
+  rule.require_figures_folder("--out", options.out, "stability.json", "stability");
+  const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
+  StabilityChart chart;
+  {
+    Progress progress("stability");
+    chart = chart_stability(scene, options.settings, [&](double fraction, const std::string& what) {
+      progress.show(fraction, what);
+      return !interrupted();
+    });
+  }
+  std::vector<DdsPress> presses;
+  if (options.dds && !interrupted()) {
+    Progress progress("stability over DDS");
+    presses = press_over_dds(options.settings.quick, [&](double fraction) {
+      progress.show(fraction, "haptic hand");
+      return !interrupted();
+    });
+  }
+  if (interrupted()) return 1;
+  const bool all = print(chart);
+  for (const DdsPress& p : presses)
+    std::printf(
+        "over DDS: %8.0f N/m displayed  swing %6.1f µm (offline %6.1f)  made %8.2f µJ (%8.2f)  %s%s\n",
+        p.displayed, 1e6 * p.swing, 1e6 * p.offline_swing, 1e6 * p.made, 1e6 * p.offline_made,
+        p.status ? status_text(p.status).c_str() : "", p.ran ? "" : "  DID NOT RUN");
+  nlohmann::ordered_json json = to_json(chart, options.settings.quick);
+  for (const DdsPress& p : presses) json["dds"].push_back(to_json(p));
+  if (!options.json.empty()) write_json(options.json, json);
+  if (!options.out.empty()) {
+    std::filesystem::create_directories(options.out);
+    const std::string figures = (std::filesystem::path(options.out) / "stability.json").string();
+    write_json(figures, json);
+    draw("plot_stability.py", figures, options.out);
+    std::printf("%s\n", (std::filesystem::path(options.out) / "stability.html").c_str());
+  }
+  return all ? 0 : 1;
+}
+
+}  // namespace
+
+Command add_stability(CLI::App& application) {
+  auto options = std::make_shared<Options>();
+  CLI::App* app = application.add_subcommand(
+      "stability",
+      "Where methods break in a closed loop with a hand, and where the daemon does; needs no daemon.");
+  app->add_option("--out", options->out, "figures, pictures and stability.html")->type_name("DIR");
+  app->add_option("--json", options->json, "figures to this file")->type_name("FILE");
+  add_force_option(*app, options->force);
+  app->add_option("--mode", options->settings.only, "only these")
+      ->delimiter(',')
+      ->check(CLI::IsMember(stability_mode_names()));
+  app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
+  app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
+  app->add_option("--ticks", options->settings.random_ticks, "of random and carve, default a million")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--seed", options->settings.random_seed,
+                  "of the first episode of random (40 000 ticks) and carve (100 000); the next has the next")
+      ->check(CLI::PositiveNumber);
+  app->footer(
+      "Exit code 1 where the daemon breaks within what is required of it.\n"
+      "Example: haptic stability --quick --out build/stability");
+  return {app, [options] { return stability(*options); }};
+}
+
+}  // namespace hapticd

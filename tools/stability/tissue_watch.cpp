@@ -1,0 +1,109 @@
+#include "tools/stability/tissue_watch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "physics/tissue/fragments.h"
+#include "physics/tissue/rotation.h"
+#include "physics/tissue/tetrahedron.h"
+
+namespace hapticd {
+namespace {
+
+// With the rotation at x; the state's may be of where the body was foreseen.
+double stored(const Body& body, int t) {
+  const TissueModel& m = body.model;
+  const Mat3 F = deformation_gradient(corners_of(m.mesh.tets[t], body.state.x), m.gradients[t]);
+  return element_energy(F, nearest_rotation(F, body.state.rotation[t]), m.volume[t], m.material.mu(),
+                        m.material.lambda());
+}
+
+}  // namespace
+
+TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instrument_speed)
+    : watched_(bodies.size()) {
+  if (!scene.gravity.isZero(0)) throw std::invalid_argument("the watch of free pieces knows no gravity");
+  const auto removable =
+      std::find_if(bodies.begin(), bodies.end(), [](const Body& b) { return b.removable; });
+  if (removable == bodies.end()) throw std::invalid_argument("no body of the scene can be cut");
+  for (const Vec3& x : removable->rest) middle_ += x / static_cast<double>(removable->rest.size());
+  double least_damping = std::numeric_limits<double>::infinity(), radius = 0;
+  for (const Body& b : bodies) {
+    if (!b.deformable) continue;
+    for (const Vec3& x : b.rest) radius = std::max(radius, (x - middle_).norm());
+    if (b.removable) least_damping = std::min(least_damping, b.model.material.rayleigh_mass);
+  }
+  bounds_.farthest = radius + 2 * instrument_speed / least_damping + 2 * scene.alarm_distance;
+  Vec3 low = removable->rest.front(), high = low;
+  for (const Vec3& x : removable->rest) {
+    low = low.cwiseMin(x);
+    high = high.cwiseMax(x);
+  }
+  bounds_.fastest = 2 * instrument_speed + (high - low).minCoeff() * scene.rate;
+}
+
+TissueExtremes TissueWatch::look(const Bodies& bodies) {
+  TissueExtremes out;
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const Body& body = bodies[b];
+    if (!body.deformable) continue;
+    for (std::size_t n = 0; n < body.state.x.size(); ++n) {
+      if (body.state.live_tets_of_node[n] == 0) continue;
+      const Vec3 &x = body.state.x[n], &v = body.state.v[n];
+      out.finite = out.finite && x.allFinite() && v.allFinite();
+      out.farthest = std::max(out.farthest, (x - middle_).norm());
+      out.fastest = std::max(out.fastest, v.norm());
+    }
+    if (out.finite && body.removable) look_at_energy(body, watched_[b], out);
+  }
+  return out;
+}
+
+void TissueWatch::label(const Body& body, Watched& watched) {
+  const std::vector<Watched::Piece> before = std::move(watched.piece);
+  const std::vector<int> of_tet_before = std::move(watched.pieces.of_tet);
+  watched.removed = body.state.removed;
+  watched.pieces = find_pieces(body.model, body.state);
+  watched.piece.assign(static_cast<std::size_t>(watched.pieces.count()), {});
+  for (int t = 0; t < body.model.tet_count(); ++t) {
+    if (watched.pieces.of_tet[t] < 0) continue;
+    Watched::Piece& p = watched.piece[watched.pieces.of_tet[t]];
+    if (p.tets++ == 0) p.first = t;
+  }
+  for (Watched::Piece& p : watched.piece) {
+    const int was = of_tet_before.empty() ? -1 : of_tet_before[p.first];
+    if (was >= 0 && before[was].first == p.first && before[was].tets == p.tets) p.since = before[was].since;
+  }
+}
+
+void TissueWatch::look_at_energy(const Body& body, Watched& watched, TissueExtremes& out) {
+  if (watched.removed != body.state.removed) label(body, watched);
+  const TissueModel& m = body.model;
+  const Pieces& pieces = watched.pieces;
+  for (Watched::Piece& p : watched.piece) p.energy = 0;
+  for (int t = 0; t < m.tet_count(); ++t)
+    if (const int p = pieces.of_tet[t]; p >= 0 && !pieces.held[p]) watched.piece[p].energy += stored(body, t);
+  for (std::size_t n = 0; n < pieces.of_node.size(); ++n) {
+    if (pieces.of_node[n] < 0) continue;
+    Watched::Piece& p = watched.piece[pieces.of_node[n]];
+    p.energy += 0.5 * body.state.mass[n] * body.state.v[n].squaredNorm();
+    if (body.pressed.size() > 0 && !body.pressed.segment<3>(3 * static_cast<Eigen::Index>(n)).isZero(0))
+      p.since = -1;
+  }
+  for (int k = 0; k < pieces.count(); ++k) {
+    Watched::Piece& p = watched.piece[k];
+    if (pieces.held[k]) continue;
+    ++out.free;
+    if (p.since < 0) {
+      p.since = p.energy;
+      out.free_energy = std::max(out.free_energy, p.energy);
+    } else {
+      out.made = std::max(out.made, p.energy - p.since);
+    }
+  }
+}
+
+}  // namespace hapticd

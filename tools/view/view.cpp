@@ -1,0 +1,163 @@
+// haptic view: a page in the browser that shows a running daemon, or a recording, as it is felt.
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "server/os/realtime.h"
+#include "tools/cli/command.h"
+#include "tools/cli/interrupt.h"
+#include "tools/cli/report.h"
+#include "tools/view/live.h"
+#include "tools/view/page_server.h"
+#include "tools/view/playback.h"
+#include "tools/view/remote_hand.h"
+
+namespace hapticd {
+namespace {
+
+constexpr auto turn = std::chrono::milliseconds(10);
+
+struct ViewOptions {
+  PageServerSettings server;
+  std::string recording, scene, topic, secure, role = "viewer", page;
+  std::uint32_t domain = 0, device_id = 0;
+  bool control = false;
+  double duration = 0;
+};
+
+// Texts of viewers, from the server's thread to this one.
+class Texts {
+ public:
+  void add(std::uint64_t viewer, const std::string& text) {
+    const std::lock_guard lock(mutex_);
+    if (texts_.size() < 1000) texts_.emplace_back(viewer, text);
+  }
+  std::vector<std::pair<std::uint64_t, std::string>> take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(texts_, {});
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::pair<std::uint64_t, std::string>> texts_;
+};
+
+void say_where(const PageServer& server, const ViewOptions& o) {
+  const bool any = o.server.address == "0.0.0.0" || o.server.address == "::";
+  const bool v6 = o.server.address.find(':') != std::string::npos;
+  const std::string host = any ? "127.0.0.1" : v6 ? "[" + o.server.address + "]" : o.server.address;
+  std::printf("haptic view: http://%s:%u/\n", host.c_str(), server.port());
+  if (o.server.address != "127.0.0.1" && o.server.address != "::1")
+    std::fprintf(stderr, "haptic: whoever reaches %s sees the scene%s: there is no password and no TLS\n",
+                 o.server.address.c_str(), o.control ? " and may take the hand" : "");
+  std::fflush(stdout);
+}
+
+// Until interrupted: what `poll` has goes to the viewers, what they say to `hear`.
+template <typename Poll, typename Hear>
+void serve(const ViewOptions& o, Poll&& poll, Hear&& hear) {
+  Texts texts;
+  PageServer server(o.server, PageFiles(o.page.empty() ? page_folder() : std::filesystem::path(o.page)),
+                    [&](std::uint64_t viewer, const std::string& text) { texts.add(viewer, text); });
+  say_where(server, o);
+  const auto begun = std::chrono::steady_clock::now();
+  while (!interrupted()) {
+    for (const auto& [viewer, text] : texts.take()) hear(viewer, text);
+    for (SharedMessage& m : poll(server.viewers() > 0)) server.put(std::move(m));
+    std::this_thread::sleep_for(turn);
+    const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begun;
+    if (o.duration > 0 && passed.count() > o.duration) break;
+  }
+}
+
+int view_recording(const ViewOptions& o) {
+  if (o.scene.empty())
+    throw UsageError(
+        "--recording needs the scene in which it was made: --scene SCENE.yaml (a recording holds the "
+        "motion; what the tissue did is computed again)");
+  Playback playback(o.recording, o.topic, o.scene);
+  serve(
+      o, [&](bool) { return playback.poll(); },
+      [&](std::uint64_t, const std::string& text) { playback.hear(text); });
+  return playback.failed() ? 1 : 0;
+}
+
+int view_daemon(const ViewOptions& o) {
+  std::optional<Security> security;
+  if (!o.secure.empty()) security = security_files(o.secure, o.control ? "operator" : o.role);
+  if (!o.control) stand_back();  // before there are threads
+  const Domain domain(o.domain, read_dds_profile("loopback"));
+  const Participant participant(domain, security);
+  LiveSource live(participant);
+  std::optional<RemoteHand> hand;
+  if (o.control) hand.emplace(participant, o.device_id);
+  const auto silent_until = std::chrono::steady_clock::now() + std::chrono::seconds(5);
+  bool said = false;
+  serve(
+      o,
+      [&](bool watched) {
+        std::vector<SharedMessage> messages = live.poll(watched);
+        if (!said && !live.has_daemon() && std::chrono::steady_clock::now() > silent_until) {
+          said = true;
+          std::fprintf(stderr, "haptic: no daemon answers in %s; still listening\n",
+                       dds_place(o.domain, "loopback").c_str());
+        }
+        if (hand)
+          if (SharedMessage m = hand->poll(live.health(o.device_id))) messages.push_back(std::move(m));
+        return messages;
+      },
+      [&](std::uint64_t viewer, const std::string& text) {
+        if (hand) hand->hear(viewer, text);
+      });
+  return 0;
+}
+
+}  // namespace
+
+Command add_view(CLI::App& application) {
+  auto o = std::make_shared<ViewOptions>();
+  CLI::App* app = application.add_subcommand(
+      "view",
+      "Shows a running daemon, or a recording, in a browser: the tissue, the contact, the loops' health.");
+  app->add_option("--port", o->server.port, "of the page; 0: any free one")->capture_default_str();
+  app->add_option(
+         "--listen", o->server.address,
+         "address to listen on; others than loopback show the scene to whoever reaches this machine, "
+         "without password or TLS")
+      ->type_name("ADDRESS")
+      ->capture_default_str();
+  CLI::Option* domain = app->add_option("--domain", o->domain, "DDS domain of the daemon")
+                            ->check(CLI::Range(0u, 230u))
+                            ->capture_default_str();
+  CLI::Option* recording = app->add_option("--recording", o->recording,
+                                           "play this instead of a daemon: a rosbag2 directory, .db3 or CSV")
+                               ->type_name("FILE")
+                               ->excludes(domain);
+  app->add_option("--scene", o->scene, "the scene that the recording was made in")
+      ->type_name("SCENE.yaml")
+      ->needs(recording);
+  app->add_option("--topic", o->topic, "of a rosbag2: which of its topics with poses")->needs(recording);
+  app->add_flag(
+         "--control", o->control,
+         "let a viewer be a device: a simulated hand follows the mouse. Not a haptic device: nobody feels it")
+      ->excludes(recording);
+  app->add_option("--device-id", o->device_id, "with --control: the device to be")->capture_default_str();
+  app->add_option("--secure", o->secure, "keys for a daemon that runs with --secure")->type_name("DIR");
+  app->add_option("--role", o->role, "whose keys of those; with --control: operator")
+      ->check(CLI::IsMember({"viewer", "operator"}))
+      ->capture_default_str();
+  app->add_option("--page", o->page, "the page's files, if not the installed ones")->type_name("DIR");
+  app->add_option("--duration", o->duration, "stop after so many seconds; 0: at Ctrl-C")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app->footer(
+      "The daemon does not know who looks; stop and start either as you like.\n"
+      "Example: haptic view --port 8080\n"
+      "Example: haptic view --recording stroke --scene config/scenes/cataract/cataract.yaml");
+  return {app, [o] { return o->recording.empty() ? view_daemon(*o) : view_recording(*o); }};
+}
+
+}  // namespace hapticd
