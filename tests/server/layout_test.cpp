@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <regex>
 #include <set>
 #include <string>
@@ -39,7 +40,7 @@ bool starts_with_any(const std::string& text, const std::vector<std::string>& pr
 TEST(Layout, PhysicsSeesNoThreadClockFileLogOrDds) {
   for (const Include& i : includes_of("physics")) {
     EXPECT_FALSE(
-        starts_with_any(i.target, {"haptic/", "server/", "tools/", "dds/", "yaml-cpp", "thread", "chrono",
+        starts_with_any(i.target, {"haptic/", "server/", "tools/", "idl/", "dds/", "yaml-cpp", "thread", "chrono",
                                    "fstream", "iostream", "filesystem", "mutex", "cstdio", "pthread"}))
         << i.file << " includes " << i.target;
   }
@@ -48,7 +49,7 @@ TEST(Layout, PhysicsSeesNoThreadClockFileLogOrDds) {
 TEST(Layout, HapticSeesOnlyTheContactProblemOfPhysics) {
   for (const Include& i : includes_of("haptic")) {
     EXPECT_FALSE(
-        starts_with_any(i.target, {"server/", "tools/", "dds/", "yaml-cpp", "iostream", "fstream", "mutex"}))
+        starts_with_any(i.target, {"server/", "tools/", "idl/", "dds/", "yaml-cpp", "iostream", "fstream", "mutex"}))
         << i.file << " includes " << i.target;
     if (i.target.starts_with("physics/")) {
       EXPECT_TRUE(i.target == "physics/types.h" || i.target.starts_with("physics/contact/"))
@@ -57,6 +58,61 @@ TEST(Layout, HapticSeesOnlyTheContactProblemOfPhysics) {
     if (starts_with_any(i.target, {"thread", "pthread", "time.h", "ctime", "chrono"})) {
       EXPECT_TRUE(i.file.stem() == "loop") << i.file << ": only the loop has the thread and the clock";
     }
+  }
+}
+
+// One way: what each room of server and tools may include, of its own floor, besides itself.
+const std::map<std::string, std::vector<std::string>> rooms = {
+    {"server/os", {}},
+    {"server/files", {}},
+    {"server/mesh", {"files"}},
+    {"server/record", {"files"}},
+    {"server/dds", {"files", "os"}},
+    {"server/scene", {"files", "mesh", "record"}},
+    {"server/observe", {"dds", "os", "record", "scene"}},
+    {"server/plan", {"record", "scene"}},
+    {"server/app", {"dds", "files", "observe", "os", "plan", "scene"}},
+    {"tools/cli", {}},
+    {"tools/driver", {}},
+    {"tools/chart", {"cli"}},
+    {"tools/doctor", {"cli"}},
+    {"tools/mesh", {"cli"}},
+    {"tools/offline", {"cli"}},
+    {"tools/record", {"cli"}},
+    {"tools/chart/economy", {"cli", "chart", "offline"}},
+    {"tools/chart/force", {"cli", "chart", "offline"}},
+    {"tools/chart/removal", {"cli", "chart"}},
+    {"tools/chart/solver", {"cli", "chart"}},
+    {"tools/chart/step", {"cli", "chart"}},
+    {"tools/chart/tissue", {"cli", "chart", "offline"}},
+    {"tools/client", {"cli", "record"}},
+    {"tools/robustness", {"cli", "client"}},
+    {"tools/soak", {"cli", "chart", "client"}},
+    {"tools/stability", {"cli", "chart", "chart/removal", "chart/solver", "chart/tissue", "client", "offline", "soak"}},
+    {"tools/view", {"cli", "client"}},
+};
+
+TEST(Layout, RoomsOfServerAndToolsIncludeOneWay) {
+  for (const std::string floor : {"server", "tools"})
+    for (const Include& i : includes_of(floor)) {
+      if (!i.target.starts_with(floor + "/")) continue;
+      const std::string from = fs::relative(i.file, SOURCE_DIR).parent_path();
+      const std::string to = fs::path(i.target).parent_path();
+      if (from == to) continue;
+      const auto room = rooms.find(from);
+      ASSERT_NE(room, rooms.end()) << from << " is no room of the plan";
+      const std::vector<std::string>& may = room->second;
+      EXPECT_TRUE(std::find(may.begin(), may.end(), to.substr(floor.size() + 1)) != may.end())
+          << i.file << " includes " << i.target;
+    }
+}
+
+TEST(Layout, NoFolderHasMoreThanThirtySourceFiles) {
+  for (const std::string floor : {"physics", "haptic", "server", "tools", "tests"}) {
+    std::map<std::string, int> files;
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(SOURCE_DIR) / floor))
+      if (entry.path().extension() == ".h" || entry.path().extension() == ".cpp") ++files[entry.path().parent_path()];
+    for (const auto& [folder, count] : files) EXPECT_LE(count, 30) << folder;
   }
 }
 
