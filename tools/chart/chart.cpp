@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "server/files/input_error.h"
+#include "server/files/output_file.h"
 #include "server/files/paths.h"
 #include "server/mesh/mesh_reader.h"
 
