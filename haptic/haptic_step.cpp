@@ -59,12 +59,12 @@ bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept 
   return true;
 }
 
-const Wrench no_number{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
+const Wrench nan_wrench{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
 
 // The last problem pressed on for the first `part` of this tick, as far as the instrument then was on its way
 // to X. False where nothing is remembered.
-bool press_on(double part, double period, const Pose& X, const Instrument& instrument, ContactOptions contact,
-              HapticState& s) noexcept {
+bool solve_until_publication(double part, double period, const Pose& X, const Instrument& instrument,
+                             ContactOptions contact, HapticState& s) noexcept {
   const CondensedProblem* before = at_part_of_tick(part, s.patch);
   if (!before) return false;
   if (contact.deadline.bounded())
@@ -81,7 +81,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
                       const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
                       double period, HapticState& s, ForceSample& answer) noexcept {
   // Said as NaN, so that it takes the one way that latches.
-  if (!is_sound_problem(problem, s)) return no_number;
+  if (!is_sound_problem(problem, s)) return nan_wrench;
   const Pose X = to_scene(device, s.watchdog.sample.pose);
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
@@ -91,12 +91,12 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   if (problem.topology_changed && problem.step != s.patch.step) {
     const double age = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
     const double part = period - std::max(age, shortest_part);
-    if (part >= shortest_part && press_on(part, period, X, instrument, contact, s)) T -= part;
+    if (part >= shortest_part && solve_until_publication(part, period, X, instrument, contact, s)) T -= part;
   }
   // Rows for what some ticks like this one can reach; more where that turns out to be too few.
   if (std::isfinite(options.ticks_ahead))
-    contact.first_margin = std::clamp(options.ticks_ahead * difference(X, s.X).head<3>().norm(),
-                                      least_of_margin * contact.margin, contact.margin);
+    contact.activation_distance = std::clamp(options.ticks_ahead * difference(X, s.X).head<3>().norm(),
+                                             least_of_margin * contact.margin, contact.margin);
   s.X = X;
   const CondensedProblem& now =
       at_tick(problem, options.viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
@@ -118,7 +118,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   answer.penetration = solution.penetration;
   if (solution.lost > lost_contact) answer.status |= status_contact_lost;
   // Its wrench is zero then.
-  if (solution.status == SolveStatus::not_finite) return no_number;
+  if (solution.status == SolveStatus::not_finite) return nan_wrench;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   if (solution.status != SolveStatus::solved) {
     answer.status |= status_solver_cap;
@@ -136,7 +136,7 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
 }
 
 // Nothing is rendered, so nothing may be remembered that a later arming would feel.
-ForceSample silence(ForceSample answer, HapticState& s) noexcept {
+ForceSample zero_output(ForceSample answer, HapticState& s) noexcept {
   s.contact.memory.count = 0;
   s.contact.coupling_offset.setZero();
   s.contact.frozen_step = 0;
@@ -159,7 +159,7 @@ ForceSample release(ForceSample answer, const DeviceSettings& device, double per
   bool slew = false;
   const Wrench left = slew_limited(device, s.sent, {}, period, slew);
   const PassivityState passivity = s.passivity;
-  answer = silence(answer, s);
+  answer = zero_output(answer, s);
   if (!slew || device.max_force_rate <= 0 || device.max_force <= 0) return answer;
   s.passivity = passivity;
   s.sent = left;
@@ -174,7 +174,7 @@ ForceSample release(ForceSample answer, const DeviceSettings& device, double per
 ForceSample not_finite(ForceSample answer, HapticState& s) noexcept {
   latch_not_finite(s.watchdog);
   answer.status |= status_not_finite | status_latched | status_disarmed;
-  return silence(answer, s);
+  return zero_output(answer, s);
 }
 
 }  // namespace
@@ -189,7 +189,7 @@ ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instr
   // read
   const Verdict verdict = watch(options.watchdog, device, watchdog_input(input, problem), s.watchdog);
   ForceSample answer = answer_to(verdict, problem, s);
-  if (verdict.render == Render::zero) return silence(answer, s);
+  if (verdict.render == Render::zero) return zero_output(answer, s);
   observe(s.passivity, s.watchdog.sample.pose, s.sent);
   if (verdict.render == Render::release) return release(answer, device, period, s);
 

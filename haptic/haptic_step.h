@@ -26,7 +26,7 @@ struct HapticOptions {
   // progress the last good wrench is held for 10 ms, then fades in 90 ms.
   double usable_residual = 1e-3;
   // Samples become rows at once if this many ticks like this one can reach them, or if they are within a
-  // fifth of the margin (ContactOptions::first_margin). Infinity: all within the margin.
+  // fifth of the margin (ContactOptions::activation_distance). Infinity: all within the margin.
   double ticks_ahead = 3;
   std::int64_t solve_budget_ns = 600'000;  // of the contact solve, from its begin; the loop keeps the clock
   bool passivity_control = false;          // the observer always runs

@@ -61,7 +61,7 @@ SampledError sample_error(Compliance& compliance, const SystemMatrix& A) {
 ComplianceHealth health_of(const SampledError& sampled, const ComplianceOptions& options) noexcept {
   const double worst = std::max(sampled.residual, sampled.error);
   if (!(worst <= options.usable_error)) return ComplianceHealth::degraded;
-  return worst <= options.good_error ? ComplianceHealth::good : ComplianceHealth::rebase_wanted;
+  return worst <= options.good_error ? ComplianceHealth::good : ComplianceHealth::new_reference_wanted;
 }
 
 }  // namespace hapticd

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "physics/tissue/guard.h"
 #include "physics/tissue/tetrahedron.h"
+#include "physics/tissue/volume_barrier.h"
 
 namespace hapticd {
 
@@ -103,11 +103,11 @@ void SystemMatrix::add_collapsed(const Collapsed& c) noexcept {
   const Element& element = elements_[c.tet];
   const std::array<int, 4> corner = corners_in_order(element.node, c.node);
   for (int a = 0; a < 4; ++a)
-    diagonal_[element.node[a]] += stiffness() * guard_block(c, corner[a], corner[a]);
+    diagonal_[element.node[a]] += stiffness() * barrier_block(c, corner[a], corner[a]);
   for (int p = 0; p < 6; ++p)
     if (element.edge[p] >= 0)
       coupling_[element.edge[p]] +=
-          stiffness() * guard_block(c, corner[corner_pairs[p][0]], corner[corner_pairs[p][1]]);
+          stiffness() * barrier_block(c, corner[corner_pairs[p][0]], corner[corner_pairs[p][1]]);
 }
 
 std::vector<std::uint8_t> SystemMatrix::live_edges(const TissueState& state) const {
@@ -158,7 +158,7 @@ VecX multiply_system_matrix(const TissueModel& model, const TissueState& state, 
   for (const Collapsed& c : state.collapsed)
     for (int i = 0; state.alive[c.tet] && i < 4; ++i)
       for (int j = 0; j < 4; ++j)
-        y.segment<3>(3 * c.node[i]) += stiffness * (guard_block(c, i, j) * x.segment<3>(3 * c.node[j]));
+        y.segment<3>(3 * c.node[i]) += stiffness * (barrier_block(c, i, j) * x.segment<3>(3 * c.node[j]));
   for (int n = 0; n < model.node_count(); ++n)
     if (model.fixed[n] || state.live_tets_of_node[n] == 0)
       y.segment<3>(3 * n).setZero();
@@ -194,7 +194,8 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
   for (const Collapsed& c : state.collapsed)
     for (int i = 0; state.alive[c.tet] && i < 4; ++i)
       for (int j = 0; j < 4; ++j)
-        add(c.node[i], c.node[j], stiffness_factor(model.material, model.dynamic, h) * guard_block(c, i, j));
+        add(c.node[i], c.node[j],
+            stiffness_factor(model.material, model.dynamic, h) * barrier_block(c, i, j));
   for (int n = 0; n < model.node_count(); ++n) {
     if (!in_system(n)) continue;
     add(n, n, mass_factor(model.material, model.dynamic, h) * state.mass[n] * Mat3::Identity());

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "physics/contact/let_through.h"
+#include "physics/contact/missed_contact.h"
 
 namespace hapticd {
 namespace {
@@ -201,12 +201,13 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
   displaced_patch(problem, state.memory, scratch.x);
   out.instrument = X_start;
   const int linearisations = state.resumed > 0 ? 1 : std::max(1, options.linearisations);
-  const double held = options.first_margin > 0 ? std::min(options.first_margin, margin) : margin;
+  const double activation =
+      options.activation_distance > 0 ? std::min(options.activation_distance, margin) : margin;
   PatchPositions x_lin;
   Pose X_lin;
   const auto build = [&](const Reached* reached) {
-    build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, held, scratch.rows, reached,
-               options.times);
+    build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, activation, scratch.rows,
+               reached, options.times);
     ++scratch.matrix_version;
   };
   // False if the solver met no number.
@@ -231,7 +232,7 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
     if (!solve(linearisations - 1 - k)) return;
     for (int again = 0; again < most_returns && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
-      if (!lets_through(problem, instrument, X_lin, x_lin, held, margin, end)) break;
+      if (!violates_inactive_contact(problem, instrument, X_lin, x_lin, activation, margin, end)) break;
       build(&end);
       if (!solve(linearisations - 1 - k)) return;
     }
@@ -250,11 +251,11 @@ double deepest_overlap(const CondensedProblem& problem, const Instrument& instru
   for (int k = 0; k < problem.samples; ++k) {
     const Vec3 s = sample_position(problem, scratch.x, k);
     while (row < scratch.rows.contacts && scratch.rows.row[row].sample < k) ++row;
-    const bool held = row < scratch.rows.contacts && scratch.rows.row[row].sample == k;
-    if (!placed.near(s, held ? -deepest : -lost)) continue;
+    const bool activation = row < scratch.rows.contacts && scratch.rows.row[row].sample == k;
+    if (!placed.near(s, activation ? -deepest : -lost)) continue;
     const double overlap = -placed.gap(s).distance;
     deepest = std::max(deepest, overlap);
-    if (!held) lost = std::max(lost, overlap);
+    if (!activation) lost = std::max(lost, overlap);
   }
   return deepest;
 }
@@ -276,11 +277,11 @@ ContactSolution solve_contact(const CondensedProblem& problem, const Instrument&
   const Vec6 K_inv = inverse_stiffness(problem.coupling, period);
   // K_eff⁻¹ (B/T) e_prev: the part of the last offset that the coupling's damper still holds.
   const double lag = problem.coupling.damping_time / (period + problem.coupling.damping_time);
-  Vec6 held = lag * state.coupling_offset;
+  Vec6 activation = lag * state.coupling_offset;
   Vec6 offset = state.coupling_offset;
   for (int c = 0; c < 6; ++c)
-    if (K_inv[c] == 0) held[c] = offset[c] = 0;
-  const Pose X_free = displaced(X_device, -held);
+    if (K_inv[c] == 0) activation[c] = offset[c] = 0;
+  const Pose X_free = displaced(X_device, -activation);
   const double margin = options.margin > 0 ? options.margin : problem.alarm_distance;
 
   ContactSolution out;

@@ -42,8 +42,8 @@ struct ContactOptions {
   // Gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance.
   double margin = 0;
   // Gap below which it becomes a row at once; one between the two when a solve without it would let it
-  // through: fewer rows, the same solution (let_through.h) [m]. 0: margin.
-  double first_margin = 0;
+  // through: fewer rows, the same solution (missed_contact.h) [m]. 0: margin.
+  double activation_distance = 0;
   LcpOptions lcp;
   CoulombOptions coulomb;
   // A solve that ended at a cap with a larger residual leaves memory and coupling as they were, unless resumed.

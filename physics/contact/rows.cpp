@@ -5,7 +5,7 @@
 
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/delassus.h"
-#include "physics/contact/let_through.h"
+#include "physics/contact/missed_contact.h"
 #include "physics/contact/placed_instrument.h"
 
 namespace hapticd {

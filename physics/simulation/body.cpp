@@ -44,7 +44,7 @@ void keep_factored_rotation(Body& body, int t) {
 
 // u = C f_ext is all there is to solve for, once: the compliance of a linear static body never changes.
 void compute_free_displacement(Body& body) {
-  body.half_free = false;
+  body.forward_solved = false;
   if (body.under_load.size() == 0) {
     body.under_load = VecX::Zero(body.dx_free.size());
     external_forces(body.model, body.state, body.scratch);
@@ -159,20 +159,20 @@ void foresee_free_motion(Body& body, double h) {
 }
 
 void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
-  body.in_halves = body.half_free = !body.compliance->begin(b, body.dx_free);
+  body.in_halves = body.forward_solved = !body.compliance->begin(b, body.dx_free);
   if (from)
-    body.begun_from = *from;
+    body.forward_offset = *from;
   else
-    body.begun_from.resize(0);
-  if (from) body.dx_free += body.begun_from;
+    body.forward_offset.resize(0);
+  if (from) body.dx_free += body.forward_offset;
 }
 
 void finish_free_motion(Body& body, const VecX* f) {
-  if (body.half_free) {
+  if (body.forward_solved) {
     if (!f) body.scratch.setZero();
     body.compliance->finish(f ? *f : body.scratch, body.dx_free);
-    if (body.begun_from.size() > 0) body.dx_free += body.begun_from;
-    body.half_free = false;
+    if (body.forward_offset.size() > 0) body.dx_free += body.forward_offset;
+    body.forward_solved = false;
   } else if (f) {
     body.compliance->apply(*f, body.scratch);
     body.dx_free += body.scratch;
@@ -180,7 +180,7 @@ void finish_free_motion(Body& body, const VecX* f) {
 }
 
 void know_free_motion(Body& body, std::span<const int> nodes) {
-  if (body.half_free && !body.compliance->halves_cover(nodes)) finish_free_motion(body, nullptr);
+  if (body.forward_solved && !body.compliance->halves_cover(nodes)) finish_free_motion(body, nullptr);
 }
 
 void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy) {

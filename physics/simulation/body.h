@@ -43,14 +43,14 @@ struct Body {
   BoundarySurface surface;
   std::unique_ptr<Compliance> compliance;  // deformable only
   std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
-  VecX dx_free;                            // known near the zone only while `half_free`
-  VecX dx_ahead;                           // Δx_p that linearise_ahead was last given
+  VecX dx_free;                            // known near the zone only while `forward_solved`
+  VecX dx_predicted;                       // Δx_p that linearise_ahead was last given
   VecX under_load;                         // of a linear static body: C f_ext
   VecX scratch;
   std::vector<Mat3> factored_rotation;  // per tetrahedron, as it is in the present factor
-  bool half_free = false;         // Δx_free begun: dx_free is right where the compliance's halves cover
+  bool forward_solved = false;    // Δx_free begun: dx_free is right where the compliance's halves cover
   bool in_halves = false;         // the compliance solves in halves
-  VecX begun_from;                // … and what is begun is added to this; empty: to nothing
+  VecX forward_offset;            // … and what is begun is added to this; empty: to nothing
   VecX pressed;                   // Σ Hᵀλ of the last `correct` [N]
   std::vector<Vec3> v_before;     // … and v before it
   Pieces pieces;                  // of the live tissue; none: not known
@@ -58,12 +58,13 @@ struct Body {
   int bounded_steps = 0;          // in a row, whose motion would have made energy (energy_bound.h)
   bool asleep = false;            // at rest and out of reach: its step is skipped
 
-  // Of methods that keep a base: whether one is being made elsewhere, since when, and how long the last took.
-  bool base_wanted = false;
-  bool base_under_way = false;
-  bool base_outdated = false;  // … but a step has made a newer one itself
-  int base_steps = 0;
-  int last_base_steps = 2;
+  // Of methods that keep a reference factor: whether one is being made elsewhere, since when, and how long
+  // the last took.
+  bool reference_wanted = false;
+  bool reference_under_way = false;
+  bool reference_outdated = false;  // … but a step has made a newer one itself
+  int reference_steps = 0;
+  int last_reference_steps = 2;
   double edge = 0;  // mean length of the tetrahedra's edges at rest [m]
   PartTimes* times = nullptr;
 
@@ -104,7 +105,8 @@ void fresh_free_motion(Body& body, double h);
 //
 //   Δx_free = (1 − 1/s) Δx + C (M ((v⁺ − v)/h + (1/h² + α/h) Δx/s) − f)
 //
-// Where a step only foresees with it, what it errs by enters that step's end squared (look_ahead.h).
+// Where a step only foresees with it, what it errs by enters that step's end squared
+// (predicted_linearisation.h).
 void foresee_free_motion(Body& body, double h);
 
 // x += Δx, v = Δx/h of Δx = Δx_free + C f (f: contact forces per node, may be null); with `keeps_energy`, of

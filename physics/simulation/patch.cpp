@@ -81,8 +81,8 @@ double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instr
   return nearest;
 }
 
-void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double alarm,
-                           std::span<const NearFace> near, CondensedProblem& problem) {
+void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, const Pose& X,
+                           double wakeup_timer, std::span<const NearFace> near, CondensedProblem& problem) {
   patch_index_.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) patch_index_[b].assign(bodies[b].state.x.size(), -1);
   nodes_.clear();
@@ -91,14 +91,14 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
   for (const NearFace& n : near) {
     const Body& body = bodies[n.body];
     const Triangle& t = body.surface.faces()[n.face].nodes;
-    double nearest = alarm;
+    double nearest = wakeup_timer;
     for (const auto& w :
          sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
       nearest = std::min(
           nearest,
           gap_at(instrument, X, weighted(w, body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]))
               .distance);
-    if (nearest < alarm) candidates_.push_back({nearest, n});
+    if (nearest < wakeup_timer) candidates_.push_back({nearest, n});
   }
   if (deformable_nodes(bodies, candidates_) > max_patch_nodes)
     for (Candidate& c : candidates_)
@@ -140,7 +140,7 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
                             .stableNormalized();
     for (std::size_t k = 0; k < weights.size(); ++k) {
       const Vec3 x = weighted(weights[k], body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
-      if (gap_at(instrument, X, x).distance >= alarm) continue;
+      if (gap_at(instrument, X, x).distance >= wakeup_timer) continue;
       PatchSample& s = problem.sample[problem.samples++];
       s.id = sample_id(b, face.id, static_cast<int>(k));
       s.node = node;

@@ -31,7 +31,7 @@ class PatchGatherer {
 
   // Fills nodes, samples and counts of `problem` from the candidate faces; positions come later,
   // with `set_patch_positions`. `alarm` bounds the samples' gaps at X.
-  void gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double alarm,
+  void gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double wakeup_timer,
               std::span<const NearFace> candidates, CondensedProblem& problem);
 
   std::span<const PatchNode> nodes() const { return nodes_; }

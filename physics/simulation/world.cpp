@@ -31,7 +31,8 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
     if (std::min(p.points, p.faces) < 0 || std::max(p.points, p.faces) >= static_cast<int>(bodies.size()) ||
         p.points == p.faces)
       throw std::invalid_argument("a contact pair names two of the bodies");
-  rebases_ = settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
+  makes_references_ =
+      settings.compliance == ComplianceMethod::zone || settings.compliance == ComplianceMethod::lazy;
   last_problem_ = std::make_unique<CondensedProblem>();
   last_scratch_ = std::make_unique<ContactScratch>();
   if (looks_ahead()) ahead_scratch_ = std::make_unique<ContactScratch>();
@@ -64,7 +65,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   report.interim = publish_interim && topology_changed_ && fill_interim(sample, first, report);
   CondensedProblem& problem = report.interim ? publish_interim() : first;
   if (report.interim) topology_changed_ = false;  // since the problem before
-  adopt_bases(report);
+  adopt_references(report);
   tell_compliances();
   if (!contacts_.empty()) find_body_contacts();
   factor_and_free_motion(sample, report);
@@ -88,8 +89,8 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
         foresee_free_motion(body, settings_.h);  // what comes of it is looked into there
       } else {
         fresh_free_motion(body, settings_.h);
-        if (!believed(body)) {
-          make_base(static_cast<int>(b), report);
+        if (!free_motion_plausible(body)) {
+          make_reference(static_cast<int>(b), report);
           compute_free_motion(body, settings_.h);
         }
       }
@@ -97,7 +98,7 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
     }
   if (settings_.fresh_free_motion) place_patch(problem);
   if (contacts_.any()) condense_bodies(problem, report);
-  if (looks_ahead()) look_ahead(sample, problem, report);
+  if (looks_ahead()) predict_linearisation(sample, problem, report);
   *last_problem_ = problem;
   report_compliance(report);
   put_to_sleep();
@@ -121,7 +122,7 @@ void World::remove_at_tip(const InstrumentSample& sample, StepReport& report) {
       tets.resize(std::min(tets.size(), static_cast<std::size_t>(removal_budget_)));
       removal_budget_ -= static_cast<double>(tets.size());
       gone += take_from(static_cast<int>(b), tets);
-      gone += take_from(static_cast<int>(b), hanging_crumbs(body.model, body.state, tets, crumb_tets));
+      gone += take_from(static_cast<int>(b), hinged_fragments(body.model, body.state, tets, crumb_tets));
     }
     if (sample.present && sample.aspiration && settings_.removal.aspiration_max_tets > 0 &&
         body.state.removed > 0) {
@@ -177,8 +178,8 @@ void World::follow_instrument(const InstrumentSample& sample) {
       timed ? std::max(sample.time - last_time_, least_elapsed * settings_.h) : settings_.h;
   way_ = known ? difference(sample.pose, last_pose_) : Vec6::Zero();
   twist_ = way_ / elapsed;
-  if (!known) way_ahead_.forget();
-  if (sample.present) way_ahead_.follow(sample.pose.p);
+  if (!known) pose_predictor_.forget();
+  if (sample.present) pose_predictor_.follow(sample.pose.p);
   last_pose_ = sample.pose;
   last_time_ = sample.time;
   was_present_ = sample.present;
@@ -200,8 +201,8 @@ void World::factor(int b, StepReport& report) {
   }
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
-  if (!believed(body) || (rebases_ && body.bounded_steps >= most_bounded)) {
-    make_base(b, report);
+  if (!free_motion_plausible(body) || (makes_references_ && body.bounded_steps >= most_bounded)) {
+    make_reference(b, report);
     compute_free_motion(body, settings_.h);
   }
   if (!contacts_.empty()) finish_free_motion(body, nullptr);  // of any node that may meet another body
@@ -255,7 +256,7 @@ std::vector<int> World::patch_nodes_of(int b) const {
 void World::place_patch(CondensedProblem& problem) {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const Within free_motion(times(), StepPart::free_motion);
-    if (bodies_[b].half_free) know_free_motion(bodies_[b], patch_nodes_of(static_cast<int>(b)));
+    if (bodies_[b].forward_solved) know_free_motion(bodies_[b], patch_nodes_of(static_cast<int>(b)));
   }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
@@ -289,8 +290,8 @@ void World::report_compliance(StepReport& report) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
     report.compliance.push_back({static_cast<int>(b), body.compliance->report()});
-    if (report.compliance.back().compliance.wants_base) body.base_wanted = true;
-    ++body.base_steps;
+    if (report.compliance.back().compliance.wants_reference) body.reference_wanted = true;
+    ++body.reference_steps;
   }
 }
 
@@ -313,7 +314,7 @@ void World::solve_instrument(const InstrumentSample& sample, CondensedProblem& p
   const Within solve(times(), StepPart::solve);
   if (sample.present) {
     const bool compares =
-        rebases_ && last_problem_->step > 0 && (report.bases_adopted > 0 || report.removed > 0);
+        makes_references_ && last_problem_->step > 0 && (report.references_adopted > 0 || report.removed > 0);
     const Vec3 before = compares ? Vec3(solve_last_problem(sample).wrench.head<3>()) : Vec3::Zero();
     // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
     // on the way, with all that the solves there remember.

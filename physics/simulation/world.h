@@ -11,7 +11,7 @@
 //   6  fresh: f_int and free motion at the new state, same factor; or, where the compliance solves in halves
 //      and 7 follows, foreseen from 5 (body.h)
 //   7  look ahead: the same contact solve where the instrument will be at `lead`, and all bodies linearised
-//      again at what that does to them (look_ahead.h)
+//      again at what that does to them (predicted_linearisation.h)
 //   8  fill the condensed problem                                (the caller publishes it)
 //   9  after a step that removed something, until the next: the same problem made again for the newest pose,
 //      when and as often as the caller has the time (`refresh`)
@@ -35,8 +35,8 @@
 #include "physics/simulation/body_contact/collision.h"
 #include "physics/simulation/patch.h"
 #include "physics/simulation/step/interim.h"
+#include "physics/simulation/step/pose_predictor.h"
 #include "physics/simulation/step/removal.h"
-#include "physics/simulation/step/way_ahead.h"
 
 namespace hapticd {
 
@@ -64,11 +64,11 @@ struct WorldSettings {
   bool keeps_energy = true;
 };
 
-// A new base that a body's compliance wants: `base->make()` is to be called, on any thread, and the job
-// handed back to `World::adopt`, `failed` if that threw.
-struct BaseJob {
+// A new reference factor that a body's compliance wants: `reference factor->make()` is to be called, on any
+// thread, and the job handed back to `World::adopt`, `failed` if that threw.
+struct ReferenceJob {
   int body = 0;
-  std::unique_ptr<ComplianceBase> base;
+  std::unique_ptr<ReferenceFactor> reference;
   bool failed = false;
 };
 
@@ -91,14 +91,14 @@ struct StepReport {
   int fragments_aspirated = 0;
   bool interim = false;  // a problem without them was published at once
   int awake_bodies = 0;
-  int bases_adopted = 0;      // since the step before
-  int bases_on_the_spot = 0;  // made by the step itself, for which others came too late
+  int references_adopted = 0;      // since the step before
+  int synchronous_references = 0;  // made by the step itself, for which others came too late
   int bounded_bodies = 0;     // whose motion was held back, for it would have made energy (energy_bound.h)
   int uncovered_nodes = 0;    // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
   // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
-  // one over for the other does to the force. Of methods that keep bases, in steps with a new base or a
-  // removal.
+  // one over for the other does to the force. Of methods that keep reference factors, in steps with a new
+  // reference factor or a removal.
   double handover_jump = 0;
   BodyContactReport body_contact;
   std::vector<BodyReport> compliance;  // of awake bodies
@@ -133,10 +133,11 @@ class World {
   bool wants_refresh() const { return removing_ && looks_ahead(); }
   bool refresh(const InstrumentSample& sample, CondensedProblem& problem);
 
-  // Between steps: new bases to be made elsewhere, at most one at a time for a body; and back. A body whose
-  // base never comes stays right in its zone, and its report says how stale the rest has become.
-  std::vector<BaseJob> wanted_bases();
-  void adopt(BaseJob job) { made_.push_back(std::move(job)); }
+  // Between steps: new reference factors to be made elsewhere, at most one at a time for a body; and back. A
+  // body whose reference factor never comes stays right in its zone, and its report says how stale the rest
+  // has become.
+  std::vector<ReferenceJob> wanted_references();
+  void adopt(ReferenceJob job) { made_.push_back(std::move(job)); }
 
   // The problem that the last step published, at another pose and with no contact of the bodies frozen: what
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
@@ -156,7 +157,7 @@ class World {
   int take_from(int body, std::span<const int> tets);
   void removed_from(int body, int gone, StepReport& report);
   void tell_compliances();
-  void adopt_bases(StepReport& report);
+  void adopt_references(StepReport& report);
   bool fill_interim(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   struct ZoneNode {
     double distance;  // [m]
@@ -170,8 +171,8 @@ class World {
   void follow_instrument(const InstrumentSample& sample);
   void wake(const InstrumentSample& sample);
   void factor(int body, StepReport& report);
-  bool believed(Body& body);
-  void make_base(int body, StepReport& report);
+  bool free_motion_plausible(Body& body);
+  void make_reference(int body, StepReport& report);
   void factor_and_free_motion(const InstrumentSample& sample, StepReport& report);
   void gather(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   std::vector<int> patch_nodes_of(int body) const;
@@ -186,7 +187,7 @@ class World {
   bool looks_ahead() const;
   bool foresees(const Body& body) const;  // the free motion that it looks ahead from, instead of computing it
   PartTimes* times() const { return settings_.compliance_options.times; }
-  void look_ahead(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
+  void predict_linearisation(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
   Pose pose_ahead(const Pose& X) const;
   ContactSolution solve_ahead(const Pose& X, const CondensedProblem& problem);
   VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch) const;
@@ -225,18 +226,18 @@ class World {
   int removed_ = 0;
   bool topology_changed_ = false;
   bool removing_ = false;                          // this step, or the last, removed something
-  bool rebases_ = false;                           // the method keeps bases that others make
+  bool makes_references_ = false;                  // the method keeps reference factors that others make
   std::unique_ptr<ContactScratch> ahead_scratch_;  // only with a lead
   std::vector<std::uint8_t> ahead_;  // per body: its factor and free motion are those of the step to come
   Vec6 twist_ = Vec6::Zero();        // of the instrument, as a displacement per second
-  WayAhead way_ahead_;
+  PosePredictor pose_predictor_;
   Pose last_pose_;
   double last_time_ = 0;     // of it [s]
   Vec6 way_ = Vec6::Zero();  // of the instrument, from the step before to this one
   bool was_present_ = false;
   std::vector<std::vector<int>> gone_;  // per body: in this step, and its compliance does not know yet
   std::vector<Condensed> changes_;      // per body: from the last step's problem to its newest refresh
-  std::vector<BaseJob> made_;           // bases to be adopted in the next step
+  std::vector<ReferenceJob> made_;      // reference factors to be adopted in the next step
   std::uint64_t steps_ = 0;
   std::uint64_t problems_ = 0;
 };

@@ -117,20 +117,20 @@ std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState
   return fragments;
 }
 
-std::vector<int> hanging_crumbs(const TissueModel& model, const TissueState& state, std::span<const int> gone,
-                                int most) {
-  std::vector<int> crumbs;
+std::vector<int> hinged_fragments(const TissueModel& model, const TissueState& state,
+                                  std::span<const int> gone, int most) {
+  std::vector<int> hinged;
   for (const int t : gone)
     for (int id = 4 * t; id < 4 * t + 4; ++id) {
       const int neighbour = model.across[id] / 4;
       if (model.across[id] < 0 || !state.alive[neighbour] ||
-          std::find(crumbs.begin(), crumbs.end(), neighbour) != crumbs.end())
+          std::find(hinged.begin(), hinged.end(), neighbour) != hinged.end())
         continue;
       const std::vector<int> fragment = joined_to(model, state, neighbour, most);
       if (static_cast<int>(fragment.size()) <= most && hangs(model, state, fragment))
-        crumbs.insert(crumbs.end(), fragment.begin(), fragment.end());
+        hinged.insert(hinged.end(), fragment.begin(), fragment.end());
     }
-  return crumbs;
+  return hinged;
 }
 
 }  // namespace hapticd

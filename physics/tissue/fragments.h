@@ -39,7 +39,7 @@ std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState
 // node and hang on what is left by an edge or a node. Nothing but inertia resists their turning about it, and
 // a step with rotations held takes what turns far out of its shape: left alone such a crumb spins faster and
 // faster (README). Cost: `most` tetrahedra for each of gone.
-std::vector<int> hanging_crumbs(const TissueModel& model, const TissueState& state, std::span<const int> gone,
-                                int most);
+std::vector<int> hinged_fragments(const TissueModel& model, const TissueState& state,
+                                  std::span<const int> gone, int most);
 
 }  // namespace hapticd

@@ -10,8 +10,8 @@
 
 namespace hapticd {
 
-// corotational: small strain in turned axes, the default. guarded: the same, and a pressure in tetrahedra that have
-// all but lost their volume (guard.h).
+// corotational: small strain in turned axes, the default. guarded: the same, and a pressure in tetrahedra
+// that have all but lost their volume (volume_barrier.h).
 enum class Law : std::uint8_t { corotational, guarded };
 
 struct Material {

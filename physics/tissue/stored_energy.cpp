@@ -1,9 +1,9 @@
 #include "physics/tissue/stored_energy.h"
 
 #include "physics/tissue/element_lanes.h"
-#include "physics/tissue/guard.h"
 #include "physics/tissue/rotation.h"
 #include "physics/tissue/tetrahedron.h"
+#include "physics/tissue/volume_barrier.h"
 
 namespace hapticd {
 namespace {
@@ -34,7 +34,8 @@ void each_energy(const TissueModel& model, const TissueState& state, const VecX&
       const Mat3 of = F.matrix(l);
       const Mat3 strained = model.corotational ? of : Mat3(0.5 * (of + of.transpose()));
       double energy = element_energy(strained, R[l], model.volume[tet[l]], mu, lambda);
-      if (model.corotational && model.material.law == Law::guarded) energy += guard_energy(model, tet[l], of);
+      if (model.corotational && model.material.law == Law::guarded)
+        energy += barrier_energy(model, tet[l], of);
       add(tet[l], energy);
     }
   });

@@ -5,10 +5,10 @@
 #include <string>
 
 #include "physics/tissue/element_lanes.h"
-#include "physics/tissue/guard.h"
 #include "physics/tissue/rotation.h"
 #include "physics/tissue/surface.h"
 #include "physics/tissue/tetrahedron.h"
+#include "physics/tissue/volume_barrier.h"
 
 namespace hapticd {
 

@@ -38,7 +38,7 @@ struct TissueModel {
 TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
                               const Vec3& gravity);
 
-// A tetrahedron of a guarded material that has all but lost its volume (guard.h).
+// A tetrahedron of a guarded material that has all but lost its volume (volume_barrier.h).
 struct Collapsed {
   int tet;
   Tet node;

@@ -29,50 +29,50 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       grants_(process_grants()),
       realtime_core_(process_cores().back()),
       simulation_core_(process_cores().front()),
-      quiet_core_(realtime_core_),
+      core_isolation_(realtime_core_),
       on_realtime_core_(std::in_place, realtime_core_),
       domain_(options.domain, default_dds_profile()),
       participant_(domain_, options.security) {
   on_realtime_core_.reset();
   const auto add = [&](const DeviceSettings& device) {
-    const bool first = stations_.empty();
-    stations_.push_back(std::make_unique<Station>(
+    const bool first = device_sessions_.empty();
+    device_sessions_.push_back(std::make_unique<DeviceSession>(
         scene, device, participant_,
-        StationOptions{options.mode, realtime_core_, simulation_core_, first,
-                       first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
-                       options.capture_every}));
+        DeviceSessionOptions{options.mode, realtime_core_, simulation_core_, first,
+                             first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
+                             options.capture_every}));
   };
   add(scene.device);
   for (const DeviceSettings& device : scene.more_devices) add(device);
   grants_.push_back(latency_.grant());
-  grants_.push_back(quiet_core_.grant());
+  grants_.push_back(core_isolation_.grant());
 }
 
 Daemon::~Daemon() { stop(); }
 
 void Daemon::start() {
-  for (const auto& station : stations_) {
-    std::vector<Grant> granted = station->start_loops();
+  for (const auto& device_session : device_sessions_) {
+    std::vector<Grant> granted = device_session->start_loops();
     // The same for each station: said once.
-    if (station == stations_.front())
+    if (device_session == device_sessions_.front())
       for (Grant& g : granted) grants_.push_back(std::move(g));
   }
-  for (const auto& station : stations_) station->start_diagnostics(grants_);
+  for (const auto& device_session : device_sessions_) device_session->start_diagnostics(grants_);
 }
 
 void Daemon::stop() noexcept {
-  for (const auto& station : stations_) station->stop();
+  for (const auto& device_session : device_sessions_) device_session->stop();
 }
 
 bool Daemon::failed() const noexcept {
-  for (const auto& station : stations_)
-    if (station->failed()) return true;
+  for (const auto& device_session : device_sessions_)
+    if (device_session->failed()) return true;
   return false;
 }
 
 std::string Daemon::failure() const {
-  for (const auto& station : stations_)
-    if (station->failed()) return station->failure();
+  for (const auto& device_session : device_sessions_)
+    if (device_session->failed()) return device_session->failure();
   return {};
 }
 
@@ -86,12 +86,12 @@ std::string Daemon::metrics() const {
   process.dds_lines = dds_lines();
   process.lines_lost = lines_lost();
   std::vector<MetricsSource> devices;
-  for (const auto& station : stations_) devices.push_back(station->metrics());
+  for (const auto& device_session : device_sessions_) devices.push_back(device_session->metrics());
   return prometheus_text(process, devices);
 }
 
 nlohmann::json Daemon::summary() const {
-  nlohmann::json j = stations_.front()->summary();
+  nlohmann::json j = device_sessions_.front()->summary();
   j["scene"] = scene_.name;
   j["time_ns"] = monotonic_ns();
   j["rss_mb"] = resident_mb();
@@ -103,9 +103,9 @@ nlohmann::json Daemon::summary() const {
   for (const Grant& g : grants_)
     grants.push_back({{"what", g.what}, {"granted", g.granted}, {"detail", g.detail}});
   j["grants"] = grants;
-  if (stations_.size() > 1) {
+  if (device_sessions_.size() > 1) {
     nlohmann::json& more = j["more_devices"] = nlohmann::json::array();
-    for (std::size_t i = 1; i < stations_.size(); ++i) more.push_back(stations_[i]->summary());
+    for (std::size_t i = 1; i < device_sessions_.size(); ++i) more.push_back(device_sessions_[i]->summary());
   }
   return j;
 }

@@ -1,6 +1,6 @@
 // The daemon as one object: what is made, started and stopped, in which order.
 //
-//   scene → DDS (before any thread goes SCHED_FIFO) → a station per device (station.h): world, loops
+//   scene → DDS (before any thread goes SCHED_FIFO) → a station per device (device_session.h): world, loops
 //   start: simulations and haptic loops, then diagnostics;   stop: haptic loop first (the device feels zero),
 //   then simulation, then diagnostics (which drains what they left)
 //
@@ -15,9 +15,9 @@
 #include <string>
 #include <vector>
 
-#include "server/app/station.h"
+#include "server/app/device_session.h"
 #include "server/observe/metrics.h"
-#include "server/os/quiet_core.h"
+#include "server/os/core_isolation.h"
 
 namespace hapticd {
 
@@ -47,7 +47,9 @@ class Daemon {
   nlohmann::json summary() const;
   // The same counters for a monitoring system; any thread, after start.
   std::string metrics() const;
-  const std::vector<std::unique_ptr<Station>>& stations() const noexcept { return stations_; }
+  const std::vector<std::unique_ptr<DeviceSession>>& device_sessions() const noexcept {
+    return device_sessions_;
+  }
 
  private:
   const Scene& scene_;
@@ -56,11 +58,11 @@ class Daemon {
   CpuLatency latency_;
   // The last and the first of those that the process may use.
   int realtime_core_, simulation_core_;
-  QuietCore quiet_core_;
+  CoreIsolation core_isolation_;
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;
-  std::vector<std::unique_ptr<Station>> stations_;
+  std::vector<std::unique_ptr<DeviceSession>> device_sessions_;
 };
 
 }  // namespace hapticd

@@ -12,10 +12,10 @@ namespace {
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr std::int64_t figures_every_ns = 1'000'000'000;
 
-LoopCounters counters_of(const Station& station) {
-  const LoopStatistics& h = station.haptic_statistics();
-  const SimulationStatistics& s = station.simulation_statistics();
-  return {.device_id = station.device_id(),
+LoopCounters counters_of(const DeviceSession& device_session) {
+  const LoopStatistics& h = device_session.haptic_statistics();
+  const SimulationStatistics& s = device_session.simulation_statistics();
+  return {.device_id = device_session.device_id(),
           .status = h.status.load(relaxed) | (h.run.load(relaxed) == 0 ? std::uint32_t{status_disarmed} : 0u),
           .deadline_misses = h.deadline_misses.load(relaxed),
           .missed = h.missed.load(relaxed),
@@ -23,8 +23,8 @@ LoopCounters counters_of(const Station& station) {
           .conflicts = h.conflicts.load(relaxed),
           .solver_caps = h.solver_caps.load(relaxed),
           .overruns = s.overruns.load(relaxed),
-          .bases_failed = s.bases_failed.load(relaxed),
-          .recording_dropped = station.recording_dropped()};
+          .references_failed = s.references_failed.load(relaxed),
+          .recording_dropped = device_session.recording_dropped()};
 }
 
 }  // namespace
@@ -40,9 +40,9 @@ Service::Service(Daemon& daemon, Reloader& reloader, const Notifier& notifier, c
 
 LoopCounts Service::counts() const {
   LoopCounts counts;
-  for (const auto& station : daemon_.stations()) {
-    counts.push_back(station->haptic_statistics().run.load(relaxed));
-    counts.push_back(station->simulation_statistics().steps.load(relaxed));
+  for (const auto& device_session : daemon_.device_sessions()) {
+    counts.push_back(device_session->haptic_statistics().run.load(relaxed));
+    counts.push_back(device_session->simulation_statistics().steps.load(relaxed));
   }
   return counts;
 }
@@ -72,19 +72,19 @@ void Service::run() {
 void Service::look(std::int64_t now_ns) {
   const bool figures = log_level_now() == LogLevel::debug && now_ns - figures_ns_ >= figures_every_ns;
   if (figures) figures_ns_ = now_ns;
-  for (const auto& station : daemon_.stations()) {
-    const LoopCounters counters = counters_of(*station);
+  for (const auto& device_session : daemon_.device_sessions()) {
+    const LoopCounters counters = counters_of(*device_session);
     for (const Incident& i : incidents_.look(now_ns, counters)) log(i.level, i.event, i.message, i.fields);
     if (!figures) continue;
-    const LoopStatistics& h = station->haptic_statistics();
+    const LoopStatistics& h = device_session->haptic_statistics();
     log(LogLevel::debug, "figures",
         "device " + std::to_string(counters.device_id) + ": " + std::to_string(h.run.load(relaxed)) +
             " ticks, " + std::to_string(h.answered.load(relaxed)) + " answers, " +
-            std::to_string(station->simulation_statistics().steps.load(relaxed)) + " steps",
+            std::to_string(device_session->simulation_statistics().steps.load(relaxed)) + " steps",
         {{"device", counters.device_id},
          {"ticks", h.run.load(relaxed)},
          {"answered", h.answered.load(relaxed)},
-         {"steps", station->simulation_statistics().steps.load(relaxed)}});
+         {"steps", device_session->simulation_statistics().steps.load(relaxed)}});
   }
 }
 
@@ -93,8 +93,8 @@ void Service::reload() {
   std::string status = "reloaded";
   try {
     const Reload r = reloader_.read();
-    for (std::size_t i = 0; i < daemon_.stations().size() && i < r.tunings.size(); ++i)
-      daemon_.stations()[i]->retune(r.tunings[i]);
+    for (std::size_t i = 0; i < daemon_.device_sessions().size() && i < r.tunings.size(); ++i)
+      daemon_.device_sessions()[i]->retune(r.tunings[i]);
     set_log_level(log_level(r.log_level).value_or(LogLevel::info));
     for (const std::string& what : r.clamped)
       log(LogLevel::warning, "reload_clamped", "clamped: " + what, {{"what", what}});
@@ -114,10 +114,10 @@ void Service::reload() {
 }
 
 void Service::test_hook(const siginfo_t& info) {
-  for (const auto& station : daemon_.stations()) {
+  for (const auto& device_session : daemon_.device_sessions()) {
     if (info.si_signo == SIGRTMIN)
-      station->simulation().hold(std::int64_t{1'000'000} * info.si_value.sival_int);
-    if (info.si_signo == SIGRTMIN + 1) station->simulation().poison();
+      device_session->simulation().hold(std::int64_t{1'000'000} * info.si_value.sival_int);
+    if (info.si_signo == SIGRTMIN + 1) device_session->simulation().poison();
   }
 }
 

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double refreshed_at[] = {0.6, 0.8};  // periods after a step's begin
 
-// A base may wait; the step on the same core may not. Refused or not, nothing depends on it.
+// A reference factor may wait; the step on the same core may not. Refused or not, nothing depends on it.
 void be_nice() {
   constexpr int lowest = 19;
   setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), lowest);
@@ -45,7 +45,7 @@ SimulationLoop::~SimulationLoop() { stop(); }
 
 void SimulationLoop::start(std::function<void()> on_thread) {
   stopping_ = false;
-  bases_.start([] {
+  references_.start([] {
     name_thread("bases");
     be_nice();
   });
@@ -64,7 +64,7 @@ void SimulationLoop::start(std::function<void()> on_thread) {
 void SimulationLoop::stop() noexcept {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
-  bases_.stop();
+  references_.stop();
 }
 
 void SimulationLoop::run() {
@@ -92,9 +92,9 @@ InstrumentSample SimulationLoop::latest() {
           1e-9 * static_cast<double>(i.received_ns)};
 }
 
-void SimulationLoop::adopt_bases() {
-  while (std::optional<BaseJob> job = bases_.take()) {
-    if (job->failed) statistics_.bases_failed.fetch_add(1, std::memory_order_relaxed);
+void SimulationLoop::adopt_references() {
+  while (std::optional<ReferenceJob> job = references_.take()) {
+    if (job->failed) statistics_.references_failed.fetch_add(1, std::memory_order_relaxed);
     world_.adopt(std::move(*job));
   }
 }
@@ -105,18 +105,18 @@ void SimulationLoop::count(const StepReport& report) {
   s.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
   s.late_removals.fetch_add(report.removed > 0 && !report.interim, std::memory_order_relaxed);
   s.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated), std::memory_order_relaxed);
-  s.bases.fetch_add(static_cast<std::uint64_t>(report.bases_adopted), std::memory_order_relaxed);
-  s.bases_on_the_spot.fetch_add(static_cast<std::uint64_t>(report.bases_on_the_spot),
-                                std::memory_order_relaxed);
+  s.references.fetch_add(static_cast<std::uint64_t>(report.references_adopted), std::memory_order_relaxed);
+  s.synchronous_references.fetch_add(static_cast<std::uint64_t>(report.synchronous_references),
+                                     std::memory_order_relaxed);
   bool degraded = false;
   for (const BodyReport& b : report.compliance) {
     degraded = degraded || b.compliance.health == ComplianceHealth::degraded;
     raise(s.compliance_error, b.compliance.error);
-    raise(s.rotation, b.compliance.rotation_since_base);
+    raise(s.rotation, b.compliance.rotation_since_reference);
   }
   if (degraded) s.rough_steps.fetch_add(1, std::memory_order_relaxed);
   raise(s.force_peak, report.contact.wrench.head<3>().norm());
-  raise(report.removed > 0 ? s.jump_at_removal : s.jump_at_base, report.handover_jump);
+  raise(report.removed > 0 ? s.jump_at_removal : s.jump_at_reference, report.handover_jump);
 }
 
 void SimulationLoop::step() {
@@ -124,7 +124,7 @@ void SimulationLoop::step() {
     sleep_until(monotonic_ns() + held);
   const std::int64_t begin = monotonic_ns();
   times_.start();
-  adopt_bases();
+  adopt_references();
   const auto publish_interim = [this, begin]() -> CondensedProblem& {
     problems_.back().published_ns = monotonic_ns();
     problems_.publish();
@@ -137,7 +137,7 @@ void SimulationLoop::step() {
     for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
   problem.published_ns = monotonic_ns();
   problems_.publish();
-  for (BaseJob& job : world_.wanted_bases()) bases_.give(std::move(job));
+  for (ReferenceJob& job : world_.wanted_references()) references_.give(std::move(job));
   const std::int64_t spent = monotonic_ns() - begin;
   statistics_.step.record(spent);
   count(report);

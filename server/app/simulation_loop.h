@@ -1,9 +1,10 @@
 // The simulation thread: a world stepped at the scene's rate, its problems published to the haptic loop.
 //
-//   every 1/rate:  adopt the bases that are ready → world.step (latching the newest instrument; where
+//   every 1/rate:  adopt the reference factors that are ready → world.step (latching the newest instrument;
+//   where
 //                  something goes, an interim problem is published within it) → publish problem → ask for
-//                  the bases that are wanted → snapshot for display; where something went, the problem is
-//                  made again with the poses of 0.6 and 0.8 of the period (World::refresh)
+//                  the reference factors that are wanted → snapshot for display; where something went, the
+//                  problem is made again with the poses of 0.6 and 0.8 of the period (World::refresh)
 //
 // Time: an absolute grid on CLOCK_MONOTONIC; a step that ends late leaves the passed grid points out
 // (`overruns` counts them) and simulation time falls behind real time by as much.
@@ -23,13 +24,13 @@
 #include "haptic/device.h"
 #include "haptic/histogram.h"
 #include "physics/simulation/world.h"
-#include "server/app/base_maker.h"
+#include "server/app/reference_maker.h"
 #include "server/observe/diagnostics.h"
 
 namespace hapticd {
 
 struct SimulationStatistics {
-  Histogram step;     // compute time of a step, bases adopted and asked for included
+  Histogram step;     // compute time of a step, reference factors adopted and asked for included
   Histogram interim;  // from a step's begin to the publication of its interim problem
   Histogram refresh;  // from the latch of a problem made again to its publication
   std::atomic<std::uint64_t> late_removals{0};  // steps that removed something and had none
@@ -37,14 +38,15 @@ struct SimulationStatistics {
   std::atomic<std::uint64_t> overruns{0};   // grid points left out
   std::atomic<std::uint64_t> removed{0};    // tetrahedra
   std::atomic<std::uint64_t> aspirated{0};  // fragments
-  std::atomic<std::uint64_t> bases{0};      // adopted
-  std::atomic<std::uint64_t> bases_failed{0};
-  std::atomic<std::uint64_t> bases_on_the_spot{0};  // made by a step, for others came too late
+  std::atomic<std::uint64_t> references{0};  // adopted
+  std::atomic<std::uint64_t> references_failed{0};
+  std::atomic<std::uint64_t> synchronous_references{0};  // made by a step, for others came too late
   std::atomic<std::uint64_t> rough_steps{0};        // with a compliance `degraded`
   std::atomic<double> compliance_error{0};          // largest sampled
-  std::atomic<double> rotation{0};                  // largest of a zone node since its base [rad]
+  std::atomic<double> rotation{0};                  // largest of a zone node since its reference factor [rad]
   std::atomic<double> force_peak{0};                // on the instrument [N]
-  std::atomic<double> jump_at_base{0};  // StepReport::handover_jump, largest in steps with a new base alone
+  std::atomic<double> jump_at_reference{
+      0};  // StepReport::handover_jump, largest in steps with a new reference factor alone
   std::atomic<double> jump_at_removal{0};  // … in steps that removed something
   std::atomic<std::int64_t> first_ns{0};   // intended time of the first step
   std::atomic<std::int64_t> last_ns{0};    // intended time of the newest step
@@ -66,7 +68,7 @@ class SimulationLoop {
   SimulationLoop& operator=(const SimulationLoop&) = delete;
 
   // on_thread runs on the new thread before its first step: the place for affinity. The thread that makes
-  // bases takes whatever time any core has left.
+  // reference factors takes whatever time any core has left.
   void start(std::function<void()> on_thread = {});
   void stop() noexcept;
 
@@ -78,13 +80,13 @@ class SimulationLoop {
   bool failed() const noexcept { return failed_.load(std::memory_order_acquire); }
   const std::string& failure() const noexcept { return failure_; }  // after failed()
   const SimulationStatistics& statistics() const noexcept { return statistics_; }
-  const Histogram& base_time() const noexcept { return bases_.make_time(); }
+  const Histogram& reference_time() const noexcept { return references_.make_time(); }
 
  private:
   void run();
   void step();
   void refresh(std::int64_t intended);
-  void adopt_bases();
+  void adopt_references();
   void count(const StepReport& report);
   InstrumentSample latest();
   void publish_snapshot(std::int64_t step_ns, const StepReport& report);
@@ -97,7 +99,7 @@ class SimulationLoop {
   Channel<SceneSnapshot>& snapshots_;
   SimulationStatistics statistics_;
   std::array<std::int64_t, step_parts> part_ns_{};  // summed
-  BaseMaker bases_;
+  ReferenceMaker references_;
   std::atomic<std::int64_t> hold_ns_{0};
   std::atomic<bool> poisoned_{false};
   std::atomic<bool> stopping_{false};

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::int64_t silence_ns = 500'000'000;
 constexpr std::int64_t listens_first_ns = 500'000'000;
-constexpr std::int64_t alarm_period_ns = 1'000'000;  // the loop's
+constexpr std::int64_t wakeup_period_ns = 1'000'000;  // the loop's
 
 dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void* self) noexcept {
   dds_topic_filter filter{};
@@ -93,8 +93,8 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
   dds_lset_data_available(listener.get(),
                           [](dds_entity_t, void* self) { static_cast<DdsDevicePort*>(self)->arrived(); });
   require(dds_set_listener(reader_.handle(), listener.get()), "the listener for device states");
-  alarm_.emplace(
-      alarm_period_ns, [this] { wake(); },
+  wakeup_timer_.emplace(
+      wakeup_period_ns, [this] { wake(); },
       [core] {
         name_thread("haptic_alarm");
         if (core) use_core(*core);
@@ -135,11 +135,11 @@ void DdsDevicePort::wake() noexcept {
 }
 
 std::int64_t DdsDevicePort::await(std::int64_t until_ns) noexcept {
-  if (!alarm_) {
+  if (!wakeup_timer_) {
     sleep_until(until_ns);
     return 0;
   }
-  alarm_->set(until_ns);
+  wakeup_timer_->set(until_ns);
   for (;;) {
     const std::uint32_t rung = bell_.load(std::memory_order_acquire);
     if (arrivals_.load(std::memory_order_acquire) != seen_)

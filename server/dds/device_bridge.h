@@ -18,9 +18,9 @@
 // before either arms.
 //
 // await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; an alarm
-// rings it when the time has come (alarm.h: the wait's own time-out would cost the answer 8 µs). Both are
-// there only where `events` says so: the fixed tick has no use for them. The alarm's thread has the loop's
-// priority where it may.
+// rings it when the time has come (wakeup_timer.h: the wait's own time-out would cost the answer 8 µs). Both
+// are there only where `events` says so: the fixed tick has no use for them. The alarm's thread has the
+// loop's priority where it may.
 //
 // Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first
 // few samples; Cyclone's own locks are held for microseconds by its receive thread, which should therefore
@@ -32,7 +32,7 @@
 #include "haptic/loop.h"
 #include "server/dds/dds.h"
 #include "server/dds/force_reader.h"
-#include "server/os/alarm.h"
+#include "server/os/wakeup_timer.h"
 
 namespace hapticd {
 
@@ -89,7 +89,7 @@ class DdsDevicePort final : public DevicePort {
   std::atomic<std::int64_t> arrived_ns_{0};             // the first of those not taken
   std::atomic<std::uint32_t> taken_{0};                 // seen_, as told to the receive thread
   std::atomic<std::uint32_t> bell_{0};                  // rung by each arrival and by the alarm
-  std::optional<Alarm> alarm_;
+  std::optional<WakeupTimer> wakeup_timer_;
 };
 
 }  // namespace hapticd

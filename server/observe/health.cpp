@@ -75,8 +75,8 @@ void HealthPublisher::publish(const HistogramSnapshot& wake, const HistogramSnap
       if (r.body != static_cast<int>(b)) continue;
       out.awake = true;
       out.degraded = r.compliance.health == ComplianceHealth::degraded;
-      out.base_age = static_cast<std::uint32_t>(r.compliance.base_age);
-      out.removed_since_base = static_cast<std::uint32_t>(r.compliance.removed_since_base);
+      out.reference_age = static_cast<std::uint32_t>(r.compliance.reference_age);
+      out.removed_since_reference = static_cast<std::uint32_t>(r.compliance.removed_since_reference);
       out.error = static_cast<float>(r.compliance.error);
     }
   }

@@ -19,7 +19,7 @@ constexpr std::array<Watched, 8> watched = {
      {&LoopCounters::conflicts, "conflicts", "device states came from a second client"},
      {&LoopCounters::solver_caps, "solver_caps", "contact solves ended at their cap or deadline"},
      {&LoopCounters::overruns, "sim_overruns", "simulation steps were left out"},
-     {&LoopCounters::bases_failed, "bases_failed", "bases failed"},
+     {&LoopCounters::references_failed, "references_failed", "bases failed"},
      {&LoopCounters::recording_dropped, "recording_dropped", "ticks are missing in the recording"}}};
 
 std::string of_device(std::uint32_t id) { return "device " + std::to_string(id) + ": "; }

@@ -126,8 +126,9 @@ std::string prometheus_text(const ProcessMetrics& process, const std::vector<Met
   p.each("hapticd_simulation_overruns_total", counter, "Simulation steps left out.", &M::overruns);
   p.each("hapticd_elements_removed_total", counter, "Tetrahedra destroyed.", &M::removed);
   p.each("hapticd_fragments_aspirated_total", counter, "Fragments sucked out.", &M::aspirated);
-  p.each("hapticd_bases_adopted_total", counter, "Bases of the factorisation taken into use.", &M::bases);
-  p.each("hapticd_bases_failed_total", counter, "Bases that could not be made.", &M::bases_failed);
+  p.each("hapticd_references_adopted_total", counter, "Bases of the factorisation taken into use.",
+         &M::references);
+  p.each("hapticd_references_failed_total", counter, "Bases that could not be made.", &M::references_failed);
   p.each("hapticd_page_faults_total", counter, "Of the haptic thread since it was first armed.",
          &M::page_faults);
   p.each("hapticd_recording_dropped_total", counter, "Ticks that the recording has not.",

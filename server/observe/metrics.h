@@ -30,7 +30,7 @@ struct MetricsSource {
   HistogramSnapshot wake, solve, state_age, problem_age, step;
   std::uint64_t ticks = 0, missed = 0, deadline_misses = 0, answered = 0, rejected = 0, conflicts = 0,
                 foreign_forces = 0, solver_caps = 0;
-  std::uint64_t steps = 0, overruns = 0, removed = 0, aspirated = 0, bases = 0, bases_failed = 0;
+  std::uint64_t steps = 0, overruns = 0, removed = 0, aspirated = 0, references = 0, references_failed = 0;
   std::uint64_t page_faults = 0, recording_dropped = 0;
   double simulation_rate_hz = 0, force_peak_n = 0, penetration_max_m = 0;
 };

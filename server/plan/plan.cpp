@@ -11,7 +11,7 @@
 
 #include "physics/compliance/compliance.h"
 #include "physics/tissue/surface.h"
-#include "server/plan/plan_pilot.h"
+#include "server/plan/model_trial.h"
 #include "server/scene/scene_bodies.h"
 
 namespace hapticd {
@@ -140,7 +140,7 @@ class Planner {
     if (largest_body(scene()) > largest_exact && chooses_ && !scene().pinned_compliance)
       scene().compliance = ComplianceMethod::zone;
     // One short run tells what a step costs, and so how long a stroke the budget pays for.
-    const PilotRun first = run_pilot(scene(), pilot_stroke(scene(), 0.1));
+    const TrialRun first = run_pilot(scene(), pilot_stroke(scene(), 0.1));
     const double step = std::max(0.05, first.cost_ms);
     const double h_ms = 1e3 / scene().rate;
     double seconds = std::clamp(pilots_budget_ms / usual_pilots / step * h_ms * 1e-3 - settled,
@@ -170,14 +170,14 @@ class Planner {
     if (!touches_) chooses_ = false;
   }
 
-  double jump_of(const PilotRun& run) const {
+  double jump_of(const TrialRun& run) const {
     return swap_jump(reference_.force, every_ms_, run.force, run.swapped);
   }
-  double error_of(const PilotRun& run) const {
+  double error_of(const TrialRun& run) const {
     return rigid_error_ + felt_error(force_error(reference_, run, every_ms_), jump_of(run), whole_jump_);
   }
 
-  bool in_time(const PilotRun& run) const {
+  bool in_time(const TrialRun& run) const {
     return run.worst_step_ms <= on_time * 1e3 / plan_.scene.rate && run.tick_ms <= on_time;
   }
 
@@ -186,7 +186,7 @@ class Planner {
   void choose(const std::string& term, const char* richer, const char* cheaper, const Change& change) {
     Scene candidate = scene();
     change(candidate);
-    const PilotRun run = run_pilot(candidate, stroke_);
+    const TrialRun run = run_pilot(candidate, stroke_);
     const double error = error_of(run);
     const bool idle = now_.worst_step_ms < options_.idle_share * 1e3 / scene().rate;
     const double most = idle ? std::min(allowed_, no_better * whole_error_) : allowed_;
@@ -302,7 +302,7 @@ class Planner {
   bool chooses_ = true;
   PilotStroke stroke_;
   int every_ms_ = 1;
-  PilotRun reference_, now_;  // now_: of the plan as it stands
+  TrialRun reference_, now_;  // now_: of the plan as it stands
   bool touches_ = true;       // the stroke touches something
   double rigid_error_ = 0, error_ = 0, whole_error_ = 0, whole_jump_ = 0, allowed_ = 0;
 };

@@ -2,7 +2,8 @@
 //
 //   out of reach  the device cannot bring the instrument to it: it stands still and costs nothing
 //   rigid         its softest surface node against the coupling: e ≤ c/(c + 1/K_vc), c = n·C n, C of K alone
-//   the rest      a cheaper choice is run along a stroke (plan_pilot.h), and made if it costs less and leaves
+//   the rest      a cheaper choice is run along a stroke (model_trial.h), and made if it costs less and
+//   leaves
 //                 the whole plan's force error within four fifths of `accuracy`
 //
 // Choices are tried one after the other, what saves most first: elements linear, motion static, compliance
@@ -13,8 +14,8 @@
 // choices are made that leave the error where the whole model has it.
 //
 // Costs: CPU ms per simulation step, its haptic ticks and bases included. Errors: RMS over peak force, of the
-// stroke, with what a choice adds to the force's jumps at swaps (plan_pilot.h). Takes about 2 s, longer where
-// a step takes long; nothing is remembered. Throws what reading the scene's trajectory does.
+// stroke, with what a choice adds to the force's jumps at swaps (model_trial.h). Takes about 2 s, longer
+// where a step takes long; nothing is remembered. Throws what reading the scene's trajectory does.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

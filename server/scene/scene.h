@@ -14,7 +14,7 @@
 #include "physics/compliance/compliance.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
-#include "physics/simulation/body_contact/encounters.h"
+#include "physics/simulation/body_contact/contact_candidates.h"
 #include "physics/simulation/step/removal.h"
 #include "physics/tissue/material.h"
 #include "physics/tissue/mesh.h"
@@ -60,7 +60,7 @@ struct Scene {
   LoopMode haptic_mode = LoopMode::tick;
   DeviceSettings device;  // its limits, and its map into the scene
   std::vector<DeviceSettings>
-      more_devices;  // each with tissue of its own (station.h); other ids than the first
+      more_devices;  // each with tissue of its own (device_session.h); other ids than the first
   std::string device_name;
   double device_stiffness = 0;  // largest the device displays stably [N/m]
   std::filesystem::path device_file;

@@ -8,8 +8,8 @@ namespace {
 
 // When a published problem is used, in steps after its pose was latched: from 0.4 on, for one step.
 constexpr double middle_of_use = 0.9;
-// Steps between two samples of a compliance's error: each costs two solves and an assembly, and what a base
-// is off by changes slowly.
+// Steps between two samples of a compliance's error: each costs two solves and an assembly, and what a
+// reference factor is off by changes slowly.
 constexpr int error_sample_every = 25;
 // Rows renewed at 1 kHz need only reach as far as surface and instrument move in a few ticks.
 constexpr double haptic_margin = 0.15;  // in alarm distances
@@ -28,8 +28,8 @@ WorldSettings world_settings(const Scene& scene) {
   settings.contact = scene.contact;
   settings.gravity = scene.gravity;
   settings.compliance = scene.compliance;
-  settings.compliance_options.base_on_the_spot = false;  // a thread makes them (base_maker.h)
-  settings.compliance_options.rounded_base = true;
+  settings.compliance_options.synchronous_reference = false;  // a thread makes them (reference_maker.h)
+  settings.compliance_options.quantised_reference = true;
   settings.compliance_options.sample_every = error_sample_every;
   settings.lead = middle_of_use / scene.rate;
   settings.coupling = scene.coupling;

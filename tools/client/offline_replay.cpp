@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::int64_t ms = 1'000'000;
 constexpr std::int64_t first_ns = 1'000 * ms;  // of tick 0; 0 would mean "never" to the watchdog
-constexpr std::int64_t state_age_ns = ms / 2, base_after_ns = 40 * ms;
+constexpr std::int64_t state_age_ns = ms / 2, reference_after_ns = 40 * ms;
 constexpr std::int64_t interim_after_ns = 2 * ms, publish_after_ns = 10 * ms;
 constexpr std::int64_t slots_before_enable = 50, arming_slots = 250;
 
@@ -68,7 +68,7 @@ class Simulation {
  private:
   struct Base {
     std::int64_t ready_ns;
-    BaseJob job;
+    ReferenceJob job;
   };
 
   // As of the newest tick before that time.
@@ -86,13 +86,13 @@ class Simulation {
                        std::swap(in_use_, next_);
                        return *next_;
                      });
-    for (BaseJob& job : world_->wanted_bases()) {
+    for (ReferenceJob& job : world_->wanted_references()) {
       try {
         job.base->make();
       } catch (const std::runtime_error&) {
         job.failed = true;
       }
-      bases_.push_back({begin + base_after_ns, std::move(job)});
+      bases_.push_back({begin + reference_after_ns, std::move(job)});
     }
   }
 

@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <fstream>
 
-#include "server/os/quiet_core.h"
+#include "server/os/core_isolation.h"
 #include "server/os/realtime.h"
 #include "tools/doctor/doctor.h"
 
@@ -56,7 +56,7 @@ Finding cores() {
 // Moved as the daemon moves them, and given back at once.
 Finding kernel_threads() {
   const int core = process_cores().back();
-  const Grant grant = QuietCore(core).grant();
+  const Grant grant = CoreIsolation(core).grant();
   if (grant.granted)
     return {"kernel threads", Health::pass, "may all be kept off core " + std::to_string(core), ""};
   return {"kernel threads", Health::warn,

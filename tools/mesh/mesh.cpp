@@ -10,7 +10,7 @@
 #include "server/mesh/mesh_repair.h"
 #include "server/mesh/mesh_writer.h"
 #include "server/os/realtime.h"
-#include "server/plan/plan_pilot.h"
+#include "server/plan/model_trial.h"
 #include "server/scene/scene_reader.h"
 #include "tools/cli/command.h"
 #include "tools/cli/report.h"
@@ -180,7 +180,7 @@ nlohmann::ordered_json predict(const TetMesh& mesh, const SceneDefaults& default
       continue;
     }
     scene.compliance = method;
-    const PilotRun run = run_pilot(scene, stroke);
+    const TrialRun run = run_pilot(scene, stroke);
     if (run.force.empty()) {
       std::printf("  a step with %-5s   the matrix is singular\n", name);
       continue;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double young = 3e3, poisson = 0.45, density = 1000;
 constexpr double device_stiffness = 400,
-                 device_reach = 0.06;  // of a Touch: N/m, and the hand's usual travel [m]
+                 device_reach = 0.06;  // of a VertexFaceContact: N/m, and the hand's usual travel [m]
 constexpr double lowest_part = 0.1;
 constexpr double most_fixed = 0.5;  // of the boundary's nodes: a group that holds more is not a support
 

@@ -10,7 +10,7 @@
 #include "haptic/haptic_step.h"
 #include "physics/tissue/tetrahedron.h"
 #include "server/scene/scene_world.h"
-#include "tools/offline/local_model.h"
+#include "tools/offline/baseline_rendering.h"
 #include "tools/offline/offline_parts.h"
 
 namespace hapticd {
@@ -81,13 +81,13 @@ class Simulation {
  private:
   struct Base {
     double ready;
-    BaseJob job;
+    ReferenceJob job;
   };
 
   // True if an interim problem is in use now; `next_` is for later.
   bool step(double t) {
     const bool counts = t >= input_.from - offline::instant;
-    adopt_bases(t);
+    adopt_references(t);
     const double latch =
         removals_.apply_until(t + removal_lead, *world_) ? std::max(latch_, removal_latch_) : latch_;
     bool latched = false;
@@ -104,14 +104,14 @@ class Simulation {
           [&] { return offline::instrument_at(input_, std::exchange(latched, true) ? t + latch : t); },
           *next_, interims_ ? interim : nullptr);
     }
-    for (BaseJob& job : world_->wanted_bases()) {
+    for (ReferenceJob& job : world_->wanted_references()) {
       const offline::Cost cost(result_.bases, counts);
       try {
         job.base->make();
       } catch (const std::runtime_error&) {
         job.failed = true;
       }
-      bases_.push_back({t + options_.base_after, std::move(job)});
+      bases_.push_back({t + options_.reference_after, std::move(job)});
     }
     result_.removed += report_.removed;
     result_.inverted = std::max(result_.inverted, inverted_tets(world_->bodies()));
@@ -137,7 +137,7 @@ class Simulation {
     return first_ns + std::llround(1e9 * (t - input_.from + input_.settle));
   }
 
-  void adopt_bases(double t) {
+  void adopt_references(double t) {
     for (; !bases_.empty() && bases_.front().ready <= t + offline::instant; bases_.pop_front())
       world_->adopt(std::move(bases_.front().job));
   }

@@ -6,7 +6,7 @@
 //                where something goes, an interim problem (interim.h) from k h + interim_after on,
 //                and its own made again (World::refresh) with the poses of k h + refresh_at h
 //   haptic       one haptic_step each millisecond, on the newest problem in use at that time
-//   bases        made at once, adopted before the first step that begins base_after later
+//   bases        made at once, adopted before the first step that begins reference_after later
 //
 // Nothing depends on the clock: two runs of the same inputs agree bit for bit, costs excepted, as long as
 // BLAS has one thread. Delays are inputs because the daemon's are not constant; they are the measured
@@ -78,7 +78,7 @@ struct OfflineOptions {
   // Poses of World::refresh, in periods after a step's begin; in use 2 ms later, where that is between the
   // step's own problem and the next step.
   std::vector<double> refresh_at = {0.6, 0.8};
-  double base_after = 0.04;  // [s]
+  double reference_after = 0.04;  // [s]
 };
 
 struct OfflineTick {

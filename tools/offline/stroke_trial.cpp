@@ -123,7 +123,7 @@ class Trial {
     const auto started = std::chrono::steady_clock::now();
     const StepReport r =
         world_->step([&] { return strokes_.at(begin + (asked++ > 0 ? settings_.h / 4 : 0)); }, *next_);
-    for (BaseJob& job : world_->wanted_bases()) {
+    for (ReferenceJob& job : world_->wanted_references()) {
       job.base->make();
       world_->adopt(std::move(job));
     }

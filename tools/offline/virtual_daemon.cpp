@@ -72,13 +72,13 @@ void VirtualDaemon::step(double begin) {
   contact_ =
       world_->step([&] { return known_at(std::exchange(latched, true) ? latch : begin); }, *next_, interim)
           .contact;
-  for (BaseJob& job : world_->wanted_bases()) {
+  for (ReferenceJob& job : world_->wanted_references()) {
     try {
       job.base->make();
     } catch (const std::runtime_error&) {
       job.failed = true;
     }
-    bases_.push_back({steps_ + options_.base_steps, std::move(job)});
+    bases_.push_back({steps_ + options_.reference_steps, std::move(job)});
   }
   ++steps_;
 }

@@ -8,9 +8,9 @@
 //                            and its own made again (World::refresh) with the poses of k h + refresh_at h
 //
 // As offline_run.h, but closed: a step is computed when its problem is due, so that poses up to its latch are
-// known, whatever they depend on. A stall is a time in which no step begins. Bases are adopted `base_steps`
-// steps after. Nothing depends on the clock: two runs agree bit for bit. Units: SI, ns in samples. Errors: as
-// World's.
+// known, whatever they depend on. A stall is a time in which no step begins. Bases are adopted
+// `reference_steps` steps after. Nothing depends on the clock: two runs agree bit for bit. Units: SI, ns in
+// samples. Errors: as World's.
 #pragma once
 
 #include <deque>
@@ -21,20 +21,20 @@
 #include "haptic/haptic_step.h"
 #include "physics/simulation/world.h"
 #include "server/scene/scene.h"
-#include "tools/offline/local_model.h"
+#include "tools/offline/baseline_rendering.h"
 
 namespace hapticd {
 
 struct VirtualDaemonOptions {
-  // Others than `solved` are baselines: the force of local_model.h, cut off at the device's largest, with
-  // none of the daemon's watchdogs, blends and slew limits.
+  // Others than `solved` are baselines: the force of baseline_rendering.h, cut off at the device's largest,
+  // with none of the daemon's watchdogs, blends and slew limits.
   Rendering rendering = Rendering::solved;
   bool passivity_control = false;
   bool watchdogs = true;                 // false: a state or a problem counts for as long as none follows
   double latch_after = 1e-3;             // of a step's begin [s]
   double publish_after = 10e-3;          // … at most a period [s]
   double stall_from = 0, stall_for = 0;  // [s]
-  int base_steps = 1;                    // from the step that asks for a base to the one that adopts it
+  int reference_steps = 1;               // from the step that asks for a base to the one that adopts it
   // Poses of World::refresh, in periods after a step's begin; in use 2 ms later, where that is between the
   // step's own problem and the next step. The daemon's are 0.6 and 0.8.
   std::vector<double> refresh_at;
@@ -86,7 +86,7 @@ class VirtualDaemon final : public Renderer {
   std::deque<Known> known_;
   struct Base {
     std::int64_t step;  // that adopts it
-    BaseJob job;
+    ReferenceJob job;
   };
   std::deque<Base> bases_;
   std::deque<double> refreshes_;  // when problems made again come into use [s]

@@ -153,7 +153,7 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   j["rss_mb"] = {{"start", rounded(r.first_rss_mb, 2)}, {"end", rounded(r.minutes.back().rss_mb, 2)}};
 
   const auto strays = [&](double percent) -> std::optional<Interval> {
-    return woken ? resampled_ratio(r.wake_slices_us, r.cyclictest_slices_us, percent) : std::nullopt;
+    return woken ? bootstrap_ratio(r.wake_slices_us, r.cyclictest_slices_us, percent) : std::nullopt;
   };
   const std::optional<Interval> of_p99 = strays(99), of_p99_9 = strays(99.9);
   checks.push_back({"wake p99 / cyclictest", wake_p99, wake_p99_limit, true, woken || !ticked, of_p99});
@@ -162,7 +162,7 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   const auto ends = [](const std::optional<Interval>& i) {
     return i ? Json{rounded(i->low, 3), rounded(i->high, 3)} : Json();
   };
-  j["ratio_strays"] = {{"wake_p99", ends(of_p99)}, {"wake_p99_9", ends(of_p99_9)}};
+  j["ratio_ci90"] = {{"wake_p99", ends(of_p99)}, {"wake_p99_9", ends(of_p99_9)}};
   if (evented) checks.push_back({"event round trip p50 / ddsperf", rtt_p50, rtt_p50_limit, true, pinged});
   checks.push_back(
       {"answered / scheduled", share(both.answered, both.scheduled), answered_limit, false, true});

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "tools/soak/bootstrap.h"
 #include "tools/soak/public_tools.h"
-#include "tools/soak/resample.h"
 #include "tools/soak/soak_slice.h"
 
 namespace hapticd {
@@ -43,7 +43,7 @@ struct SoakCheck {
   double value = 0, limit = 0;
   bool at_most = true;
   bool known = true;
-  std::optional<Interval> strays = {};  // resample.h
+  std::optional<Interval> strays = {};  // bootstrap.h
   bool kept() const { return known && (at_most ? value <= limit : value >= limit); }
 };
 

@@ -242,7 +242,7 @@ class Episode {
   static VirtualDaemonOptions options(std::uint64_t seed) {
     VirtualDaemonOptions options;
     options.refresh_at = {0.6, 0.8};
-    options.base_steps = 1 + static_cast<int>(seed % 4);
+    options.reference_steps = 1 + static_cast<int>(seed % 4);
     return options;
   }
 

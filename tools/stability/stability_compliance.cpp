@@ -46,12 +46,12 @@ double patch_error(Compliance& compliance, const TissueModel& model, const Tissu
 }
 
 // What the simulation does where a base is wanted, only at once.
-void renew_base(Compliance& compliance, const TissueState& state) {
-  if (!compliance.report().wants_base) return;
-  std::unique_ptr<ComplianceBase> base = compliance.snapshot_base(state);
+void renew_reference(Compliance& compliance, const TissueState& state) {
+  if (!compliance.report().wants_reference) return;
+  std::unique_ptr<ReferenceFactor> base = compliance.snapshot_reference(state);
   if (!base) return;
   base->make();
-  compliance.adopt_base(std::move(base), state);
+  compliance.adopt_reference(std::move(base), state);
   compliance.update(state);
 }
 
@@ -156,7 +156,7 @@ StabilityPlan plan_near_static(StabilityBench& bench, bool quick) {
         if (!naive) {
           compliance->remove(state, some);
           compliance->update(state);
-          renew_base(*compliance, state);
+          renew_reference(*compliance, state);
           trial.says = words(compliance->report().health);
         }
         const double error = naive ? relative_error(paper.patch(patch), model, state, patch)
@@ -214,11 +214,11 @@ StabilityPlan plan_rotation(StabilityBench& bench, bool quick) {
       }
       update_rotations(model, state);
       compliance->update(state);
-      if (method == ComplianceMethod::zone) renew_base(*compliance, state);
+      if (method == ComplianceMethod::zone) renew_reference(*compliance, state);
       trial.judged = patch_error(*compliance, model, state, patch);
       trial.trace.emplace_back(degrees * part / parts, trial.judged);
     }
-    trial.says = compliance->report().wants_base ? "new base wanted" : "";
+    trial.says = compliance->report().wants_reference ? "new base wanted" : "";
     return trial;
   };
   plan.run_naive = [run](double degrees) { return run(degrees, ComplianceMethod::lazy, Warping::none); };

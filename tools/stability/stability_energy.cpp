@@ -97,7 +97,7 @@ StabilityTrial left_alone(const Setup& setup, double young, const Way& way, bool
   const int steps = static_cast<int>(std::ceil(duration * way.rate));
   for (int k = 0; k < steps; ++k) {
     const double t = k * settings.h;
-    for (BaseJob& job : world.wanted_bases()) {
+    for (ReferenceJob& job : world.wanted_references()) {
       job.base->make();
       world.adopt(std::move(job));
     }

@@ -69,8 +69,8 @@ std::string health_json(const hapticd_msg_ServerHealth& m) {
     bodies.push_back({{"body", b.body},
                       {"awake", b.awake},
                       {"degraded", b.degraded},
-                      {"base_age", b.base_age},
-                      {"removed", b.removed_since_base},
+                      {"reference_age", b.reference_age},
+                      {"removed", b.removed_since_reference},
                       {"error", b.error}});
   return nlohmann::json{{"kind", "health"},
                         {"id", m.device_id},

@@ -215,8 +215,8 @@ struct Playback::State {
           body = {{"body", b},
                   {"awake", true},
                   {"degraded", r.compliance.health == ComplianceHealth::degraded},
-                  {"base_age", r.compliance.base_age},
-                  {"removed", r.compliance.removed_since_base},
+                  {"reference_age", r.compliance.reference_age},
+                  {"removed", r.compliance.removed_since_reference},
                   {"error", r.compliance.error}};
       bodies.push_back(body);
     }

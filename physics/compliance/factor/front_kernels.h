@@ -1,19 +1,20 @@
-// The dense arithmetic of one front: a partial Cholesky factorisation, and the square it leaves behind.
+// The dense arithmetic of one front: a partial Cholesky factorisation, and the contribution block it leaves
+// behind.
 //
 //   [F11 .  ]   [L11    ] [L11ᵀ L21ᵀ]
-//   [F21 F22] = [L21  I ] [      U  ],    factor_panel: F11, F21 → L11, L21    make_square: U − F22
+//   [F21 F22] = [L21  I ] [      U  ],    factor_panel: F11, F21 → L11, L21    make_contribution: U − F22
 //
 // Both are products C −= A Bᵀ on tiles that stay in registers, three vectors high and one vector's length
 // wide; in the panel each tile ends with its triangular solve before it is stored. The panel has `height`
 // rows, a multiple of `row_multiple`, in columns of `stride` numbers aligned to 64 bytes; the first `width`
-// rows are F11. The square's columns begin at row `square_origin(width)` of the panel, so that its tiles are
-// aligned with the panel's. Above the diagonal, L11's tiles on it hold their L_JJ⁻ᵀ, with which those below
-// are solved; other entries there, and rows from the true height on, have no meaning and are kept finite.
-// What children add goes into the panel before, into the square after: so the square is written once, without
-// having been cleared or read. Their rows are ascending in the parent too, so eight of the parent's at a time
-// are some of the child's, in its order: a mask says which (`FrontChunk`). Chosen at start from what the
-// processor can do; all are the same template.
-// Guarantee: wait-free, no allocation. Units: F [N/m].
+// rows are F11. The contribution block's columns begin at row `contribution_origin(width)` of the panel, so
+// that its tiles are aligned with the panel's. Above the diagonal, L11's tiles on it hold their L_JJ⁻ᵀ, with
+// which those below are solved; other entries there, and rows from the true height on, have no meaning and
+// are kept finite. What children add goes into the panel before, into the contribution block after: so the
+// contribution block is written once, without having been cleared or read. Their rows are ascending in the
+// parent too, so eight of the parent's at a time are some of the child's, in its order: a mask says which
+// (`FrontChunk`). Chosen at start from what the processor can do; all are the same template. Guarantee:
+// wait-free, no allocation. Units: F [N/m].
 #pragma once
 
 #include <cstddef>
@@ -58,19 +59,22 @@ struct FrontKernels {
   // False: a pivot is not positive (or not a number). `reciprocal` gets 1 / L_jj of every column.
   bool (*factor_panel)(double* panel, std::ptrdiff_t stride, int height, int width, double* reciprocal,
                        FrontAhead& ahead) noexcept;
-  // square = −L21 L21ᵀ, whatever was there: the lower triangle of rows and columns `width` to `size`.
-  void (*make_square)(const double* panel, std::ptrdiff_t stride, int height, int width, int size,
-                      double* square, std::ptrdiff_t square_stride, FrontAhead& ahead) noexcept;
-  // The lower triangle of a child's square, by its own rows, to columns `begin` to `end` of its parent: those
-  // of `target`, by the parent's rows and columns. Reads up to seven numbers behind a column of the square.
-  void (*add_child)(const double* square, std::ptrdiff_t square_stride, const FrontChunk* chunks,
+  // contribution block = −L21 L21ᵀ, whatever was there: the lower triangle of rows and columns `width` to
+  // `size`.
+  void (*make_contribution)(const double* panel, std::ptrdiff_t stride, int height, int width, int size,
+                            double* contribution, std::ptrdiff_t contribution_stride,
+                            FrontAhead& ahead) noexcept;
+  // The lower triangle of a child's contribution block, by its own rows, to columns `begin` to `end` of its
+  // parent: those of `target`, by the parent's rows and columns. Reads up to seven numbers behind a column of
+  // the contribution block.
+  void (*add_child)(const double* contribution, std::ptrdiff_t contribution_stride, const FrontChunk* chunks,
                     const FrontChunk* chunks_end, int begin, int end, double* target,
                     std::ptrdiff_t target_stride) noexcept;
 };
 
 inline constexpr int row_multiple = 8;
 
-constexpr int square_origin(int width) noexcept { return width / row_multiple * row_multiple; }
+constexpr int contribution_origin(int width) noexcept { return width / row_multiple * row_multiple; }
 
 extern const FrontKernels generic_front_kernels;
 extern const FrontKernels avx2_front_kernels;    // to be called only where the processor has AVX2 and FMA

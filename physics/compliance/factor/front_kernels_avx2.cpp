@@ -46,6 +46,6 @@ struct Avx2 {
 }  // namespace
 
 constinit const FrontKernels avx2_front_kernels = {
-    "avx2", FrontTiles<Avx2>::factor_panel, FrontTiles<Avx2>::make_square, FrontTiles<Avx2>::add_child};
+    "avx2", FrontTiles<Avx2>::factor_panel, FrontTiles<Avx2>::make_contribution, FrontTiles<Avx2>::add_child};
 
 }  // namespace hapticd

@@ -37,7 +37,7 @@ struct Avx512 {
 }  // namespace
 
 constinit const FrontKernels avx512_front_kernels = {"avx512", FrontTiles<Avx512>::factor_panel,
-                                                     FrontTiles<Avx512>::make_square,
+                                                     FrontTiles<Avx512>::make_contribution,
                                                      FrontTiles<Avx512>::add_child};
 
 }  // namespace hapticd

@@ -16,7 +16,7 @@ struct Generic {
 }  // namespace
 
 constinit const FrontKernels generic_front_kernels = {"generic", FrontTiles<Generic>::factor_panel,
-                                                      FrontTiles<Generic>::make_square,
+                                                      FrontTiles<Generic>::make_contribution,
                                                       FrontTiles<Generic>::add_child};
 
 }  // namespace hapticd

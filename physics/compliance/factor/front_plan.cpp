@@ -22,7 +22,7 @@ void lay_out(const FrontTree& tree, FrontPlan& plan) {
     front.stride = stride_of(front.height);
     front.panel = plan.values;
     plan.values += front.stride * front.width;
-    front.square_stride = stride_of(front.height - square_origin(front.width));
+    front.contribution_stride = stride_of(front.height - contribution_origin(front.width));
     front.below = static_cast<int>(plan.below.size());
     for (const int place : from.below)
       for (int r = 0; r < 3; ++r) plan.below.push_back(3 * place + r);
@@ -42,8 +42,9 @@ void list_children(const FrontTree& tree, FrontPlan& plan) {
   }
 }
 
-// Both stacks as they will grow and shrink; the second one's squares are moved behind the first's at the end.
-void stack_squares(const FrontTree& tree, FrontPlan& plan) {
+// Both stacks as they will grow and shrink; the second one's contribution blocks are moved behind the first's
+// at the end.
+void stack_contributions(const FrontTree& tree, FrontPlan& plan) {
   const int count = static_cast<int>(plan.fronts.size());
   std::vector<int> depth(count, 0);
   for (int s = count - 1; s >= 0; --s)
@@ -53,18 +54,19 @@ void stack_squares(const FrontTree& tree, FrontPlan& plan) {
   int child = 0;
   for (int s = 0; s < count; ++s) {
     FrontPlan::Front& front = plan.fronts[s];
-    // The first child's square is the lowest of them: all above it is free once the front is assembled.
+    // The first child's contribution block is the lowest of them: all above it is free once the front is
+    // assembled.
     const bool leaf = child == front.children_end;
-    const std::ptrdiff_t lowest = leaf ? 0 : plan.fronts[plan.children[child]].square;
+    const std::ptrdiff_t lowest = leaf ? 0 : plan.fronts[plan.children[child]].contribution;
     child = front.children_end;
     std::ptrdiff_t& mine = top[depth[s]];
-    front.square = mine;
-    mine += front.square_stride * (front.size - front.width);
+    front.contribution = mine;
+    mine += front.contribution_stride * (front.size - front.width);
     most[depth[s]] = std::max(most[depth[s]], mine);
     if (!leaf) top[1 - depth[s]] = lowest;
   }
   for (int s = 0; s < count; ++s)
-    if (depth[s] == 1) plan.fronts[s].square += most[0];
+    if (depth[s] == 1) plan.fronts[s].contribution += most[0];
   plan.workspace = most[0] + most[1];
 }
 
@@ -129,7 +131,7 @@ FrontPlan plan_fronts(const SystemMatrix& matrix, std::span<const int> order,
   for (std::size_t k = 0; k < plan.order.size(); ++k) plan.place[plan.order[k]] = static_cast<int>(k);
   lay_out(tree, plan);
   list_children(tree, plan);
-  stack_squares(tree, plan);
+  stack_contributions(tree, plan);
   std::vector<int> local(3 * plan.order.size());
   find_chunks(tree, plan, local);
   place_couplings(matrix, live, plan, local);

@@ -1,14 +1,14 @@
 // Where everything of a multifrontal factorisation lies: made once for each order, so that factoring only
 // computes.
 //
-//   front = [panel | square]: panels are the columns of L and stay; a square (the update F22) lives until its
-//   parent has added it, in one of two stacks.
+//   front = [panel | contribution block]: panels are the columns of L and stay; a contribution block (the
+//   update F22) lives until its parent has added it, in one of two stacks.
 //
-// Fronts are visited children first. A front's square is written while its children's are still read, so
-// fronts of even and odd depth use stacks of their own, both in one workspace. A child's
-// rows go to its parent by chunks of eight of the parent's (front_kernels.h).
-// Shapes: `panel`, `square` index `FrontPlan::values` and `workspace` numbers; a panel has `stride` numbers
-// per column, an odd multiple of eight, so that neighbouring columns do not meet in the cache.
+// Fronts are visited children first. A front's contribution block is written while its children's are still
+// read, so fronts of even and odd depth use stacks of their own, both in one workspace. A child's rows go to
+// its parent by chunks of eight of the parent's (front_kernels.h). Shapes: `panel`, `contribution block`
+// index `FrontPlan::values` and `workspace` numbers; a panel has `stride` numbers per column, an odd multiple
+// of eight, so that neighbouring columns do not meet in the cache.
 #pragma once
 
 #include <cstddef>
@@ -30,8 +30,8 @@ struct FrontPlan {
     int height = 0;  // … rounded up to the kernels' multiple
     std::ptrdiff_t panel = 0;
     std::ptrdiff_t stride = 0;
-    std::ptrdiff_t square = 0;  // of the row `square_origin(width)` and the column `width`
-    std::ptrdiff_t square_stride = 0;
+    std::ptrdiff_t contribution = 0;  // of the row `contribution_origin(width)` and the column `width`
+    std::ptrdiff_t contribution_stride = 0;
     int below = 0;  // first of its rows in FrontPlan::below
     // Ends of what belongs to the front; each begins where the front before it ends.
     int below_end = 0;
@@ -51,7 +51,7 @@ struct FrontPlan {
   std::vector<Front> fronts;
   std::vector<int> below;  // unknowns
   std::vector<int> children;
-  std::vector<FrontChunk> chunks;  // of a front's square, by its parent's rows
+  std::vector<FrontChunk> chunks;  // of a front's contribution block, by its parent's rows
   std::vector<Coupling> couplings;
   std::ptrdiff_t values = 0;
   std::ptrdiff_t workspace = 0;

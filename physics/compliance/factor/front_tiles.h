@@ -171,17 +171,18 @@ struct FrontTiles {
     return true;
   }
 
-  static void make_square(const double* P, std::ptrdiff_t stride, int height, int width, int size,
-                          double* square, std::ptrdiff_t square_stride, FrontAhead& ahead) noexcept {
-    const int origin = square_origin(width);
+  static void make_contribution(const double* P, std::ptrdiff_t stride, int height, int width, int size,
+                                double* contribution, std::ptrdiff_t contribution_stride,
+                                FrontAhead& ahead) noexcept {
+    const int origin = contribution_origin(width);
     const int first = width / lanes * lanes;
     for (int row = first; row < height; row += most_vectors * lanes) {
       const int end = lesser(height, row + most_vectors * lanes);
       for (int block = first; block < lesser(end, size); block += lanes) {
         const int column = greater(block, width);
         const int top = greater(row, block);
-        double* C = square + (top - origin) + (column - width) * square_stride;
-        const Tile tile{P + top, P + column, stride, width, C, square_stride, nullptr, nullptr, &ahead};
+        double* C = contribution + (top - origin) + (column - width) * contribution_stride;
+        const Tile tile{P + top, P + column, stride, width, C, contribution_stride, nullptr, nullptr, &ahead};
         run<Finish::none>((end - top) / lanes, lesser(block + lanes, size) - column, tile);
       }
     }
@@ -199,9 +200,9 @@ struct FrontTiles {
     }
   }
 
-  static void add_child(const double* square, std::ptrdiff_t square_stride, const FrontChunk* chunk,
-                        const FrontChunk* chunks_end, int begin, int end, double* target,
-                        std::ptrdiff_t target_stride) noexcept {
+  static void add_child(const double* contribution, std::ptrdiff_t contribution_stride,
+                        const FrontChunk* chunk, const FrontChunk* chunks_end, int begin, int end,
+                        double* target, std::ptrdiff_t target_stride) noexcept {
     for (; chunk != chunks_end; ++chunk) {
       const double* from[4];
       double* to[4];
@@ -219,7 +220,7 @@ struct FrontTiles {
         const int column = chunk->row + __builtin_ctz(left);
         if (column < begin) continue;
         if (column >= end) break;
-        from[columns] = square + c * square_stride;
+        from[columns] = contribution + c * contribution_stride;
         to[columns] = target + column * target_stride;
         Isa::add(Isa::spread(left), from[columns] + c, to[columns] + chunk->row);
         if (++columns == 4) finish();

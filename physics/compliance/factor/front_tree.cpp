@@ -8,7 +8,7 @@ double FrontCost::operator()(int width, int height) const noexcept {
   const double w = 3.0 * width;
   const double m = 3.0 * height;
   const double b = m - w;
-  return (m * m * m - b * b * b) / 6 / rate + panel * w * m + square * b * b / 2 + front;
+  return (m * m * m - b * b * b) / 6 / rate + panel * w * m + contribution * b * b / 2 + front;
 }
 
 namespace {

@@ -9,7 +9,7 @@
 // a front is free; the nodes are renumbered afterwards so that fronts are contiguous, children come before
 // parents, and the zone stays last in its order.
 // Time of a front of w columns and m rows (unknowns), in cycles of the machine in README.md:
-//   t = Σ_{j<w} (m − j)² / 2 / rate + panel · w m + square · (m − w)² / 2 + front
+//   t = Σ_{j<w} (m − j)² / 2 / rate + panel · w m + contribution block · (m − w)² / 2 + front
 // Source: Liu, The multifrontal method for sparse matrix solution, SIAM Review 34 (1992); Ashcraft & Grimes,
 // The influence of relaxed supernode partitions, ACM TOMS 15 (1989). Departure: a model of time, not of
 // zeros.
@@ -36,7 +36,7 @@ struct FrontTree {
 struct FrontCost {
   double rate = 20;     // products a cycle
   double panel = 0.6;   // per entry of the panel: cleared, assembled, written
-  double square = 0.5;  // per entry of the square: written, added to the parent
+  double contribution = 0.5;  // per entry of the contribution block: written, added to the parent
   double front = 800;
 
   double operator()(int width, int height) const noexcept;  // nodes

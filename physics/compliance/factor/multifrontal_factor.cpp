@@ -53,9 +53,10 @@ void MultifrontalFactor::assemble(const SystemMatrix& matrix, std::size_t s) noe
 void MultifrontalFactor::add_child(int child, int begin, int end, double* target,
                                    std::ptrdiff_t stride) noexcept {
   const FrontPlan::Front& from = plan_.fronts[child];
-  const double* square = workspace_.data() + from.square - square_origin(from.width) + from.width;
+  const double* contribution =
+      workspace_.data() + from.contribution - contribution_origin(from.width) + from.width;
   const FrontChunk* chunks = plan_.chunks.data();
-  kernels_->add_child(square, from.square_stride,
+  kernels_->add_child(contribution, from.contribution_stride,
                       chunks + (child > 0 ? plan_.fronts[child - 1].chunks_end : 0), chunks + from.chunks_end,
                       begin, end, target, stride);
 }
@@ -67,7 +68,7 @@ void MultifrontalFactor::factor(const SystemMatrix& matrix) {
   for (std::size_t s = 0; positive && s < plan_.fronts.size(); ++s) {
     const FrontPlan::Front& front = plan_.fronts[s];
     double* panel = values_.data() + front.panel;
-    double* square = workspace_.data() + front.square;
+    double* contribution = workspace_.data() + front.contribution;
     assemble(matrix, s);
     for (int c = child; c < front.children_end; ++c)
       add_child(plan_.children[c], 0, front.width, panel, front.stride);
@@ -75,11 +76,12 @@ void MultifrontalFactor::factor(const SystemMatrix& matrix) {
     positive = kernels_->factor_panel(panel, front.stride, front.height, front.width,
                                       reciprocal_.data() + front.first, ahead);
     if (positive && front.size > front.width) {
-      kernels_->make_square(panel, front.stride, front.height, front.width, front.size, square,
-                            front.square_stride, ahead);
-      double* by_row = square - square_origin(front.width) - front.width * front.square_stride;
+      kernels_->make_contribution(panel, front.stride, front.height, front.width, front.size, contribution,
+                                  front.contribution_stride, ahead);
+      double* by_row =
+          contribution - contribution_origin(front.width) - front.width * front.contribution_stride;
       for (int c = child; c < front.children_end; ++c)
-        add_child(plan_.children[c], front.width, front.size, by_row, front.square_stride);
+        add_child(plan_.children[c], front.width, front.size, by_row, front.contribution_stride);
     }
     child = front.children_end;
   }

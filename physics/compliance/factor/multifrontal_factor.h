@@ -1,6 +1,7 @@
 // A multifrontal Cholesky factor of the system matrix, P A Pᵀ = L Lᵀ, that is renewed in place every step.
 //
-//   front = A's columns + Σ_children square;   [L11; L21] = its panel factored;   square = F22 − L21 L21ᵀ
+//   front = A's columns + Σ_children contribution block;   [L11; L21] = its panel factored;   contribution
+//   block = F22 − L21 L21ᵀ
 //
 // Three times as fast as CHOLMOD at the paper's size (README.md): the symbolic work is done on 3×3 blocks and
 // once, small fronts are merged by a model of time, nothing is allocated, and the kernels are compiled for

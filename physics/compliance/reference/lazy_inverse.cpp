@@ -1,4 +1,5 @@
-// The paper's compliance: the base is never updated, each removal leaves a term, entries are made on demand.
+// The paper's compliance: the reference factor is never updated, each removal leaves a term, entries are made
+// on demand.
 //
 //   C_k(i, j) = C₀(i, j) + Σ_q s_q T_q(i, :) T_q(j, :)ᵀ                                 (the paper's eqs. 6,
 //   7) T_q = U W Λ^(−1/2),   U = C_q Gₑ V,   I ∓ Vᵀ Gₑᵀ C_q Gₑ V = W Λ Wᵀ                   (its eqs. 4, 5)
@@ -6,9 +7,9 @@
 // T_q is the paper's L_q Λ_q^(−1/2). Departures: with a_e = V Vᵀ the small matrix is I − VᵀCV instead of
 // Q = S⁻¹ + GᵀCG, so no inverse of a_e is needed and a vanishing Λ shows that the element held the rest.
 // C₀ stays a factor, and rows of C₀ and of T exist only for nodes that were asked for: the zone, corners of
-// removed elements, patches. A whole vector then costs two solves with the base, because A₀ y = b + Σ a_e y
-// needs y only at removed elements' corners.
-// Cost of the k-th removal and of a patch: proportional to k. Memory: 12 numbers per row and removal.
+// removed elements, patches. A whole vector then costs two solves with the reference factor, because A₀ y = b
+// + Σ a_e y needs y only at removed elements' corners. Cost of the k-th removal and of a patch: proportional
+// to k. Memory: 12 numbers per row and removal.
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <stdexcept>
@@ -25,17 +26,17 @@ class LazyInverse final : public LowRankInverse {
  public:
   LazyInverse(const SystemMatrix& A, std::span<const int> order, std::span<const int> zone)
       : slot_(A.node_count(), -1) {
-    base_.set_order(A, order, {}, static_cast<int>(zone.size()));
-    base_.factor(A);
+    reference_.set_order(A, order, {}, static_cast<int>(zone.size()));
+    reference_.factor(A);
     if (zone.empty()) return;
     // The zone's rows come together and at no cost from the factor's corner.
     MatX corner;
-    base_.trailing_corner(static_cast<int>(zone.size()), corner);
+    reference_.trailing_corner(static_cast<int>(zone.size()), corner);
     std::vector<int> places;
     for (const int n : zone) {
       slot_[n] = static_cast<int>(nodes_.size());
       nodes_.push_back(n);
-      places.push_back(base_.place(n) - (A.node_count() - static_cast<int>(zone.size())));
+      places.push_back(reference_.place(n) - (A.node_count() - static_cast<int>(zone.size())));
     }
     reserve_rows();
     PatchInverse()(corner, places, C0_.topLeftCorner(rows(), rows()));
@@ -72,11 +73,11 @@ class LazyInverse final : public LowRankInverse {
     return true;
   }
 
-  int place(int node) const override { return base_.place(node); }
+  int place(int node) const override { return reference_.place(node); }
 
   void apply(VecX& x) override {
     const VecX b = x;
-    solve_base(x);
+    solve_reference(x);
     if (terms_.empty()) return;
     MatX g(rows(), 1);
     for (std::size_t n = 0; n < nodes_.size(); ++n) g.block<3, 1>(3 * n, 0) = x.segment<3>(3 * nodes_[n]);
@@ -90,7 +91,7 @@ class LazyInverse final : public LowRankInverse {
       for (int c = 0; c < term.element.corners; ++c)
         x.segment<3>(3 * term.element.node[c]) += term.sign * (V(c) * Vy);
     }
-    solve_base(x);
+    solve_reference(x);
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
@@ -114,7 +115,7 @@ class LazyInverse final : public LowRankInverse {
   }
 
   std::size_t memory_bytes() const override {
-    return base_.memory_bytes() + terms_.size() * sizeof(Term) +
+    return reference_.memory_bytes() + terms_.size() * sizeof(Term) +
            static_cast<std::size_t>(C0_.size() + T_.size()) * sizeof(double);
   }
 
@@ -142,13 +143,13 @@ class LazyInverse final : public LowRankInverse {
     sign_.conservativeResize(more);
   }
 
-  void solve_base(VecX& x) {
-    Eigen::Map<VecX> y = base_.vector();
+  void solve_reference(VecX& x) {
+    Eigen::Map<VecX> y = reference_.vector();
     for (int n = 0; n < static_cast<int>(slot_.size()); ++n)
-      y.segment<3>(3 * base_.place(n)) = x.segment<3>(3 * n);
-    base_.solve();
+      y.segment<3>(3 * reference_.place(n)) = x.segment<3>(3 * n);
+    reference_.solve();
     for (int n = 0; n < static_cast<int>(slot_.size()); ++n)
-      x.segment<3>(3 * n) = y.segment<3>(3 * base_.place(n));
+      x.segment<3>(3 * n) = y.segment<3>(3 * reference_.place(n));
   }
 
   // Rows of C₀ and of T for nodes not met before.
@@ -167,7 +168,7 @@ class LazyInverse final : public LowRankInverse {
       for (int r = 0; r < 3; ++r) {
         x.setZero();
         x[3 * nodes_[s] + r] = 1;
-        solve_base(x);
+        solve_reference(x);
         for (int i = 0; i < before + fresh; ++i) {
           C0_.block<3, 1>(3 * i, 3 * s + r) = x.segment<3>(3 * nodes_[i]);
           C0_.block<1, 3>(3 * s + r, 3 * i) = x.segment<3>(3 * nodes_[i]).transpose();
@@ -195,7 +196,7 @@ class LazyInverse final : public LowRankInverse {
     }
   }
 
-  MultifrontalFactor base_;
+  MultifrontalFactor reference_;
   std::vector<int> slot_;   // per node: its place among those asked for, or −1
   std::vector<int> nodes_;  // per slot
   std::vector<Term> terms_;

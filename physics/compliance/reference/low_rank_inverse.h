@@ -1,9 +1,9 @@
-// The inverse of a base matrix that follows low-rank changes of it: what `updown`, `lazy` and `dense` differ
-// in.
+// The inverse of a reference factor matrix that follows low-rank changes of it: what `updown`, `lazy` and
+// `dense` differ in.
 //
 //   A ← A − V Vᵀ (an element goes)   or   A ← A + V Vᵀ (an orphan's row gets the identity)
 //
-// Everything is in the base's frame, without rotations since (warped_compliance.h adds them).
+// Everything is in the reference factor's frame, without rotations since (warped_compliance.h adds them).
 // Shapes: vectors of 3·nodes in the model's node order. Units: A [N/m], C [m/N].
 // Errors: the factories throw std::runtime_error when A is not positive definite. `change` returns false when
 // the changed A has no inverse in floating point; the object must not be used after that.
@@ -42,7 +42,7 @@ class LowRankInverse {
 std::unique_ptr<LowRankInverse> make_updown_inverse(const SystemMatrix& A, std::span<const int> order,
                                                     std::span<const int> zone);
 
-// The paper's stacked terms on a base that stays a factor (lazy_inverse.cpp).
+// The paper's stacked terms on a reference factor that stays a factor (lazy_inverse.cpp).
 std::unique_ptr<LowRankInverse> make_lazy_inverse(const SystemMatrix& A, std::span<const int> order,
                                                   std::span<const int> zone);
 

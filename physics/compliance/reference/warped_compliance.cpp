@@ -6,7 +6,7 @@
 #include <string>
 
 #include "physics/compliance/reference/low_rank_inverse.h"
-#include "physics/compliance/reference/node_turn.h"
+#include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/residual.h"
 
 #ifdef HAPTICD_OPENBLAS
@@ -17,8 +17,8 @@ namespace hapticd {
 
 namespace {
 
-// Everything a base is made from, copied, and what it is once made.
-struct WarpedBase final : ComplianceBase {
+// Everything a reference factor is made from, copied, and what it is once made.
+struct WarpedReference final : ReferenceFactor {
   ComplianceMethod method;
   SystemMatrix matrix;
   TissueState state;
@@ -27,7 +27,7 @@ struct WarpedBase final : ComplianceBase {
   double identity_scale = 1;
   std::unique_ptr<LowRankInverse> inverse;
 
-  WarpedBase(ComplianceMethod which, const SystemMatrix& pattern, TissueState from)
+  WarpedReference(ComplianceMethod which, const SystemMatrix& pattern, TissueState from)
       : method(which), matrix(pattern), state(std::move(from)) {}
 
   void make() override {
@@ -96,11 +96,11 @@ class WarpedCompliance final : public Compliance {
       if (gone_[t] || after.alive[t]) continue;
       gone_[t] = 1;
       ++gone_count_;
-      ++removed_since_base_;
+      ++removed_since_reference_;
       Tet corners = model_.mesh.tets[t];
       std::sort(corners.begin(), corners.end(),
                 [&](int a, int b) { return inverse_->place(a) < inverse_->place(b); });
-      change(element_term(model_, h_, t, turn_.base()[t], corners), TermSign::take_out);
+      change(element_term(model_, h_, t, turn_.reference()[t], corners), TermSign::take_out);
     }
   }
 
@@ -109,15 +109,15 @@ class WarpedCompliance final : public Compliance {
     updated_ = false;
     sampled_.reset();
     if (inverse_ && state.removed != gone_count_) remove_untold(state);
-    if (needs_new_base(state)) {
+    if (needs_new_reference(state)) {
       inverse_.reset();
-      const std::unique_ptr<WarpedBase> base = base_of(state);
-      base->make();
-      take(*base);
+      const std::unique_ptr<WarpedReference> reference = reference_of(state);
+      reference->make();
+      take(*reference);
     }
     present_ = state;
     turns_.clear();
-    ++base_age_;
+    ++reference_age_;
     updated_ = true;
   }
 
@@ -151,14 +151,14 @@ class WarpedCompliance final : public Compliance {
       where_.push_back(k);
     }
     const int count = static_cast<int>(free_.size());
-    base_block_.resize(3 * count, 3 * count);
-    inverse_->patch(free_, base_block_);
+    reference_block_.resize(3 * count, 3 * count);
+    inverse_->patch(free_, reference_block_);
     std::vector<Mat3> Q(free_.size());
     for (int i = 0; i < count; ++i) Q[i] = turn_of(free_[i]);
     block.setZero();
     for (int i = 0; i < count; ++i)
       for (int j = 0; j <= i; ++j) {
-        Mat3 entry = Q[i] * base_block_.block<3, 3>(3 * i, 3 * j) * Q[j].transpose();
+        Mat3 entry = Q[i] * reference_block_.block<3, 3>(3 * i, 3 * j) * Q[j].transpose();
         if (i == j) entry.triangularView<Eigen::StrictlyUpper>() = entry.transpose();
         block.block<3, 3>(3 * where_[i], 3 * where_[j]) = entry;
         block.block<3, 3>(3 * where_[j], 3 * where_[i]) = entry.transpose();
@@ -169,7 +169,7 @@ class WarpedCompliance final : public Compliance {
     require_update();
     ComplianceReport report;
     for (const int n : zone_)
-      report.rotation_since_base = std::max(report.rotation_since_base, angle_of(turn_of(n)));
+      report.rotation_since_reference = std::max(report.rotation_since_reference, angle_of(turn_of(n)));
     if (!sampled_) {
       matrix_.assemble(present_);
       sampled_ = sample_error(*this, matrix_);
@@ -177,21 +177,22 @@ class WarpedCompliance final : public Compliance {
     report.residual = sampled_->residual;
     report.error = sampled_->error;
     report.health = health_of(*sampled_, options_);
-    if (report.health == ComplianceHealth::good && report.rotation_since_base > options_.rebase_rotation)
-      report.health = ComplianceHealth::rebase_wanted;
-    report.removed_since_base = removed_since_base_;
-    report.base_age = base_age_;
+    if (report.health == ComplianceHealth::good &&
+        report.rotation_since_reference > options_.reference_rotation_limit)
+      report.health = ComplianceHealth::new_reference_wanted;
+    report.removed_since_reference = removed_since_reference_;
+    report.reference_age = reference_age_;
     report.memory_bytes = inverse_->memory_bytes();
     return report;
   }
 
-  std::unique_ptr<ComplianceBase> snapshot_base(const TissueState& state) override {
+  std::unique_ptr<ReferenceFactor> snapshot_reference(const TissueState& state) override {
     if (method_ == ComplianceMethod::dense) return nullptr;
-    return base_of(state);
+    return reference_of(state);
   }
 
-  void adopt_base(std::unique_ptr<ComplianceBase> base, const TissueState& state) override {
-    auto* made = dynamic_cast<WarpedBase*>(base.get());
+  void adopt_reference(std::unique_ptr<ReferenceFactor> reference, const TissueState& state) override {
+    auto* made = dynamic_cast<WarpedReference*>(reference.get());
     if (!made || made->method != method_ || !made->inverse)
       throw std::invalid_argument("not a made base of this compliance");
     updated_ = false;
@@ -204,40 +205,40 @@ class WarpedCompliance final : public Compliance {
     return method_ == ComplianceMethod::updown && options_.updown_order == NodeOrder::zone_last;
   }
 
-  bool needs_new_base(const TissueState& state) const {
+  bool needs_new_reference(const TissueState& state) const {
     if (!inverse_ || failed_) return true;
-    if (needs_zone() && base_zone_ != in_zone_) return true;
+    if (needs_zone() && reference_zone_ != in_zone_) return true;
     if (method_ == ComplianceMethod::lazy)
-      return options_.lazy_rebase_after > 0 && removed_since_base_ >= options_.lazy_rebase_after;
+      return options_.lazy_reference_after > 0 && removed_since_reference_ >= options_.lazy_reference_after;
     if (method_ == ComplianceMethod::dense)
       for (int t = 0; t < model_.tet_count(); ++t)
-        if (state.alive[t] && state.rotation[t] != turn_.base()[t]) return true;
+        if (state.alive[t] && state.rotation[t] != turn_.reference()[t]) return true;
     return false;
   }
 
-  std::unique_ptr<WarpedBase> base_of(const TissueState& state) const {
-    auto base = std::make_unique<WarpedBase>(method_, matrix_, state);
+  std::unique_ptr<WarpedReference> reference_of(const TissueState& state) const {
+    auto reference = std::make_unique<WarpedReference>(method_, matrix_, state);
     if (method_ == ComplianceMethod::lazy)
-      std::fill(base->state.rotation.begin(), base->state.rotation.end(), Mat3::Identity());
-    if (method_ == ComplianceMethod::dense) return base;
-    if (method_ == ComplianceMethod::lazy || needs_zone()) base->zone = zone_;
-    base->order = zone_last_order(graph_, fill_order_, base->zone);
-    return base;
+      std::fill(reference->state.rotation.begin(), reference->state.rotation.end(), Mat3::Identity());
+    if (method_ == ComplianceMethod::dense) return reference;
+    if (method_ == ComplianceMethod::lazy || needs_zone()) reference->zone = zone_;
+    reference->order = zone_last_order(graph_, fill_order_, reference->zone);
+    return reference;
   }
 
-  void take(WarpedBase& base) {
-    inverse_ = std::move(base.inverse);
-    identity_scale_ = base.identity_scale;
-    turn_.set_base(base.state.rotation);
+  void take(WarpedReference& reference) {
+    inverse_ = std::move(reference.inverse);
+    identity_scale_ = reference.identity_scale;
+    turn_.set_reference(reference.state.rotation);
     gone_.resize(model_.tet_count());
-    for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !base.state.alive[t];
-    gone_count_ = base.state.removed;
+    for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference.state.alive[t];
+    gone_count_ = reference.state.removed;
     orphan_.resize(model_.node_count());
-    for (int n = 0; n < model_.node_count(); ++n) orphan_[n] = base.state.live_tets_of_node[n] == 0;
-    base_zone_.assign(model_.node_count(), 0);
-    for (const int n : base.zone) base_zone_[n] = 1;
+    for (int n = 0; n < model_.node_count(); ++n) orphan_[n] = reference.state.live_tets_of_node[n] == 0;
+    reference_zone_.assign(model_.node_count(), 0);
+    for (const int n : reference.zone) reference_zone_[n] = 1;
     failed_ = false;
-    removed_since_base_ = base_age_ = 0;
+    removed_since_reference_ = reference_age_ = 0;
   }
 
   void remove_untold(const TissueState& state) {
@@ -274,10 +275,10 @@ class WarpedCompliance final : public Compliance {
   NodeGraph graph_;
   std::vector<int> fill_order_;
   SystemMatrix matrix_;
-  NodeTurn turn_;
+  WarpRotation turn_;
   std::vector<int> zone_;
   std::vector<std::uint8_t> in_zone_;
-  std::vector<std::uint8_t> base_zone_;
+  std::vector<std::uint8_t> reference_zone_;
 
   std::unique_ptr<LowRankInverse> inverse_;
   double identity_scale_ = 1;
@@ -285,8 +286,8 @@ class WarpedCompliance final : public Compliance {
   std::vector<std::uint8_t> orphan_;  // per node: its row of the inverse's A is the identity's
   int gone_count_ = 0;
   bool failed_ = false;
-  int removed_since_base_ = 0;
-  int base_age_ = 0;
+  int removed_since_reference_ = 0;
+  int reference_age_ = 0;
 
   TissueState present_;
   bool updated_ = false;
@@ -294,7 +295,7 @@ class WarpedCompliance final : public Compliance {
   std::optional<SampledError> sampled_;
   std::vector<int> free_;
   std::vector<int> where_;
-  MatX base_block_;
+  MatX reference_block_;
 };
 
 }  // namespace

@@ -7,10 +7,10 @@
 
 #include "physics/compliance/factor/dense_factor.h"
 #include "physics/compliance/patch_inverse.h"
-#include "physics/compliance/reference/node_turn.h"
+#include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/residual.h"
-#include "physics/compliance/zone/carried_terms.h"
-#include "physics/compliance/zone/zone_base.h"
+#include "physics/compliance/zone/far_field_updates.h"
+#include "physics/compliance/zone/zone_reference.h"
 
 #ifdef HAPTICD_OPENBLAS
 extern "C" void openblas_set_num_threads(int threads);
@@ -46,7 +46,7 @@ class ZoneCompliance final : public Compliance {
     ring_.clear();
   }
 
-  void move_ring(std::span<const int> nodes) override {
+  void move_halo(std::span<const int> nodes) override {
     ring_.clear();
     for (const int n : nodes)
       if (!model_.fixed.at(n) && !wanted_[n]) ring_.push_back(n);
@@ -54,31 +54,31 @@ class ZoneCompliance final : public Compliance {
 
   bool zone_covers(std::span<const int> nodes) const override {
     return std::all_of(nodes.begin(), nodes.end(), [&](int n) {
-      return model_.fixed[n] || (base_ ? base_->zone_place(n) >= 0 : wanted_[n] != 0);
+      return model_.fixed[n] || (reference_ ? reference_->zone_place(n) >= 0 : wanted_[n] != 0);
     });
   }
 
   void remove(const TissueState& after, std::span<const int> tets) override {
-    if (!base_) return;
+    if (!reference_) return;
     updated_ = is_begun_ = false;
     for (const int t : tets) {
       if (gone_[t] || after.alive[t]) continue;
       gone_[t] = 1;
       ++gone_count_;
-      ++removed_since_base_;
-      if (!base_->is_inside(t)) carry(after, t);
+      ++removed_since_reference_;
+      if (!reference_->is_inside(t)) carry(after, t);
     }
   }
 
   void update(const TissueState& state) override {
     const Within assembly(options_.times, StepPart::assembly);
     updated_ = is_begun_ = false;
-    if (!base_) {
+    if (!reference_) {
       make_now(state);
     } else if (state.removed != gone_count_) {
       remove_untold(state);
     }
-    if (left_behind_ > 0 && options_.base_on_the_spot) make_now(state);
+    if (left_behind_ > 0 && options_.synchronous_reference) make_now(state);
     follow(state);
     if (!factor_corner(state)) {
       // Only round-off can do this, where almost nothing holds a piece: start from the present A.
@@ -89,9 +89,9 @@ class ZoneCompliance final : public Compliance {
             "the system matrix A is not positive definite: a body (or a part cut from "
             "it) has neither mass nor support");
     }
-    ++base_age_;
-    // A step that has just paid for a new base does not pay for a sample too.
-    due_ = ++since_sample_ >= options_.sample_every && (base_age_ > 1 || options_.sample_every <= 1);
+    ++reference_age_;
+    // A step that has just paid for a new reference factor does not pay for a sample too.
+    due_ = ++since_sample_ >= options_.sample_every && (reference_age_ > 1 || options_.sample_every <= 1);
     fresh_sample_ = false;
     updated_ = true;
     if (!due_) return;
@@ -102,8 +102,8 @@ class ZoneCompliance final : public Compliance {
   }
 
   bool halves_cover(std::span<const int> nodes) const override {
-    return base_ && std::all_of(nodes.begin(), nodes.end(),
-                                [&](int n) { return model_.fixed[n] || base_->is_near(n); });
+    return reference_ && std::all_of(nodes.begin(), nodes.end(),
+                                     [&](int n) { return model_.fixed[n] || reference_->is_near(n); });
   }
 
   void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
@@ -112,10 +112,10 @@ class ZoneCompliance final : public Compliance {
     x_.setZero();
     for (int n = 0; n < model_.node_count(); ++n) {
       if (!in_system_[n]) continue;
-      auto x = x_.segment<3>(3 * base_->place(n));
+      auto x = x_.segment<3>(3 * reference_->place(n));
       x.noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
-      if (reach == Reach::all || base_->zone_place(n) >= 0 || !(x.array() != 0).any()) continue;
-      reach = base_->is_near(n) ? Reach::last_panel : Reach::all;
+      if (reach == Reach::all || reference_->zone_place(n) >= 0 || !(x.array() != 0).any()) continue;
+      reach = reference_->is_near(n) ? Reach::last_panel : Reach::all;
     }
     first_half(x_, g_, reach);
     second_half(x_, g_);
@@ -127,16 +127,16 @@ class ZoneCompliance final : public Compliance {
     begun_.setZero(x_.size());
     for (int n = 0; n < model_.node_count(); ++n)
       if (in_system_[n])
-        begun_.segment<3>(3 * base_->place(n)).noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
+        begun_.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
     first_half(begun_, begun_g_, Reach::all);
     is_begun_ = true;
     x_ = begun_;
     g_ = begun_g_;
     from_corner(x_, g_);
-    base_->panels().backward_last(x_, precision());
+    reference_->panels().backward_last(x_, precision());
     y.setZero();
-    for (const int n : base_->near())
-      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * base_->place(n));
+    for (const int n : reference_->near())
+      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * reference_->place(n));
     return false;
   }
 
@@ -146,11 +146,11 @@ class ZoneCompliance final : public Compliance {
       throw std::runtime_error("no solve was begun since the last update");
     Reach reach = Reach::corner;
     x_.setZero();
-    for (const int n : base_->near()) {
+    for (const int n : reference_->near()) {
       if (!in_system_[n]) continue;
-      auto x = x_.segment<3>(3 * base_->place(n));
+      auto x = x_.segment<3>(3 * reference_->place(n));
       x.noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
-      if (base_->zone_place(n) < 0 && (x.array() != 0).any()) reach = Reach::last_panel;
+      if (reference_->zone_place(n) < 0 && (x.array() != 0).any()) reach = Reach::last_panel;
     }
     first_half(x_, g_, reach);
     begun_ += x_;
@@ -163,14 +163,14 @@ class ZoneCompliance final : public Compliance {
     require_update();
     auto corner = x_.tail(corner_size());
     corner.setZero();
-    for (const int n : base_->zone())
+    for (const int n : reference_->zone())
       if (in_system_[n])
-        x_.segment<3>(3 * base_->place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
+        x_.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
     corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
     corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
     y.setZero();
-    for (const int n : base_->zone())
-      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * base_->place(n));
+    for (const int n : reference_->zone())
+      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * reference_->place(n));
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
@@ -180,7 +180,7 @@ class ZoneCompliance final : public Compliance {
     for (const int n : nodes) {
       if (n < 0 || n >= model_.node_count())
         throw std::invalid_argument("the patch names node " + std::to_string(n));
-      places_.push_back(in_system_[n] ? base_->zone_place(n) : -1);
+      places_.push_back(in_system_[n] ? reference_->zone_place(n) : -1);
       covered = covered && (!in_system_[n] || places_.back() >= 0);
     }
     if (covered)
@@ -207,7 +207,7 @@ class ZoneCompliance final : public Compliance {
   ComplianceReport report() override {
     require_update();
     ComplianceReport report;
-    report.rotation_since_base = largest_turn_;
+    report.rotation_since_reference = largest_turn_;
     if (half_sample_ && !due_) {
       sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
     } else if (due_ && !fresh_sample_) {
@@ -219,32 +219,33 @@ class ZoneCompliance final : public Compliance {
     report.error = sampled_.error;
     report.health = health_of(sampled_, options_);
     if (report.health == ComplianceHealth::good && (left_behind_ > 0 || !sample_holds()))
-      report.health = ComplianceHealth::rebase_wanted;
-    report.wants_base = report.health == ComplianceHealth::degraded || left_behind_ > 0 ||
-                        std::max(sampled_.residual, sampled_.error) > options_.rebase_error ||
-                        report.rotation_since_base > options_.rebase_rotation ||
-                        base_age_ > options_.rebase_age || carried_count_ > options_.rebase_removed;
-    report.removed_since_base = removed_since_base_;
-    report.base_age = base_age_;
-    report.memory_bytes = base_->panels().memory_bytes() + carried_.memory_bytes() +
-                          2 * sizeof(double) * static_cast<std::size_t>(base_->outer_corner().size());
+      report.health = ComplianceHealth::new_reference_wanted;
+    report.wants_reference = report.health == ComplianceHealth::degraded || left_behind_ > 0 ||
+                             std::max(sampled_.residual, sampled_.error) > options_.reference_error_limit ||
+                             report.rotation_since_reference > options_.reference_rotation_limit ||
+                             reference_age_ > options_.reference_age_limit ||
+                             carried_count_ > options_.reference_removed_limit;
+    report.removed_since_reference = removed_since_reference_;
+    report.reference_age = reference_age_;
+    report.memory_bytes = reference_->panels().memory_bytes() + carried_.memory_bytes() +
+                          2 * sizeof(double) * static_cast<std::size_t>(reference_->outer_corner().size());
     return report;
   }
 
-  std::unique_ptr<ComplianceBase> snapshot_base(const TissueState& state) override {
-    return wanted_base(state, std::move(retired_));
+  std::unique_ptr<ReferenceFactor> snapshot_reference(const TissueState& state) override {
+    return wanted_reference(state, std::move(retired_));
   }
 
-  void adopt_base(std::unique_ptr<ComplianceBase> base, const TissueState& state) override {
-    auto* made = dynamic_cast<ZoneBase*>(base.get());
+  void adopt_reference(std::unique_ptr<ReferenceFactor> reference, const TissueState& state) override {
+    auto* made = dynamic_cast<ZoneReference*>(reference.get());
     if (!made || !made->made()) throw std::invalid_argument("not a made base of this compliance");
-    base.release();
-    take(std::unique_ptr<ZoneBase>(made), state);
+    reference.release();
+    take(std::unique_ptr<ZoneReference>(made), state);
   }
 
  private:
   PanelPrecision precision() const {
-    return options_.rounded_base ? PanelPrecision::rounded : PanelPrecision::full;
+    return options_.quantised_reference ? PanelPrecision::rounded : PanelPrecision::full;
   }
 
   // Where a right-hand side is not zero: from there on the panels have something to do.
@@ -252,8 +253,8 @@ class ZoneCompliance final : public Compliance {
 
   // Up to L⁻¹ of the corner: all that a force on the zone does not enter before.
   void first_half(VecX& x, MatX& g, Reach reach) {
-    if (reach == Reach::all) base_->panels().forward(x, precision());
-    if (reach == Reach::last_panel) base_->panels().forward_last(x, precision());
+    if (reach == Reach::all) reference_->panels().forward(x, precision());
+    if (reach == Reach::last_panel) reference_->panels().forward_last(x, precision());
     auto corner = x.tail(corner_size());
     Eigen::Map<MatX> column(x.data(), x.size(), 1);
     if (reach == Reach::corner || carried_.empty())
@@ -273,20 +274,20 @@ class ZoneCompliance final : public Compliance {
 
   void second_half(VecX& x, MatX& g) {
     from_corner(x, g);
-    base_->panels().backward(x, precision());
+    reference_->panels().backward(x, precision());
   }
 
   void turn_back(const VecX& x, Eigen::Ref<VecX> y) const {
     for (int n = 0; n < model_.node_count(); ++n) {
       if (in_system_[n])
-        y.segment<3>(3 * n) = Q_[n] * x.segment<3>(3 * base_->place(n));
+        y.segment<3>(3 * n) = Q_[n] * x.segment<3>(3 * reference_->place(n));
       else
         y.segment<3>(3 * n).setZero();
     }
   }
 
   DenseFactor::View corner_factor() noexcept { return factor_.matrix(); }
-  Eigen::Index corner_size() const noexcept { return base_->outer_corner().rows(); }
+  Eigen::Index corner_size() const noexcept { return reference_->outer_corner().rows(); }
 
   void require_update() const {
     if (!updated_) throw std::runtime_error("the compliance was used before a successful update");
@@ -294,36 +295,38 @@ class ZoneCompliance final : public Compliance {
 
   void make_now(const TissueState& state) {
     const Within factor(options_.times, StepPart::factor);
-    auto base = wanted_base(state, nullptr);
-    base->make();
-    take(std::move(base), state);
+    auto reference = wanted_reference(state, nullptr);
+    reference->make();
+    take(std::move(reference), state);
   }
 
-  std::unique_ptr<ZoneBase> wanted_base(const TissueState& state, std::unique_ptr<ZoneBase> retired) const {
+  std::unique_ptr<ZoneReference> wanted_reference(const TissueState& state,
+                                                  std::unique_ptr<ZoneReference> retired) const {
     std::vector<int> nodes = wanted_zone_;
     nodes.insert(nodes.end(), ring_.begin(), ring_.end());
-    return std::make_unique<ZoneBase>(structure_, std::move(nodes), static_cast<int>(wanted_zone_.size()),
-                                      state, options_.rounded_base, std::move(retired));
+    return std::make_unique<ZoneReference>(structure_, std::move(nodes),
+                                           static_cast<int>(wanted_zone_.size()), state,
+                                           options_.quantised_reference, std::move(retired));
   }
 
-  void take(std::unique_ptr<ZoneBase> base, const TissueState& state) {
+  void take(std::unique_ptr<ZoneReference> reference, const TissueState& state) {
     updated_ = is_begun_ = false;
-    retired_ = std::move(base_);
-    base_ = std::move(base);
-    turn_.set_base(base_->state().rotation);
+    retired_ = std::move(reference_);
+    reference_ = std::move(reference);
+    turn_.set_reference(reference_->state().rotation);
     half_sample_.reset();
-    sampled_ = {};  // of the base that went
+    sampled_ = {};  // of the reference factor that went
     Q_at_sample_.clear();
     carried_.clear(3 * model_.node_count());
     x_.resize(3 * model_.node_count());
-    factor_.resize(3 * base_->zone_size());
+    factor_.resize(3 * reference_->zone_size());
     gone_.resize(model_.tet_count());
-    for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !base_->state().alive[t];
-    gone_count_ = base_->state().removed;
+    for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference_->state().alive[t];
+    gone_count_ = reference_->state().removed;
     stayed_orphan_.assign(model_.node_count(), 0);
     for (int n = 0; n < model_.node_count(); ++n)
-      stayed_orphan_[n] = base_->state().live_tets_of_node[n] == 0;
-    removed_since_base_ = base_age_ = carried_count_ = left_behind_ = 0;
+      stayed_orphan_[n] = reference_->state().live_tets_of_node[n] == 0;
+    removed_since_reference_ = reference_age_ = carried_count_ = left_behind_ = 0;
     if (state.removed != gone_count_) remove_untold(state);
   }
 
@@ -348,21 +351,22 @@ class ZoneCompliance final : public Compliance {
     for (const int n : nodes) {
       if (model_.fixed[n] || stayed_orphan_[n] || after.live_tets_of_node[n] > 0) continue;
       stayed_orphan_[n] = 1;
-      if (base_->zone_place(n) < 0)
-        change(identity_term(n, base_->identity_scale()), CarriedTerms::Sign::add);
+      if (reference_->zone_place(n) < 0)
+        change(identity_term(n, reference_->identity_scale()), FarFieldUpdates::Sign::add);
     }
     Tet corners = nodes;
     std::sort(corners.begin(), corners.end(),
-              [&](int a, int b) { return base_->place(a) < base_->place(b); });
-    change(element_term(model_, structure_->h, t, turn_.base()[t], corners), CarriedTerms::Sign::take_out);
+              [&](int a, int b) { return reference_->place(a) < reference_->place(b); });
+    change(element_term(model_, structure_->h, t, turn_.reference()[t], corners),
+           FarFieldUpdates::Sign::take_out);
     ++carried_count_;
   }
 
-  void change(const ElementTerm& term, CarriedTerms::Sign sign) {
+  void change(const ElementTerm& term, FarFieldUpdates::Sign sign) {
     std::array<int, 4> places{};
-    for (int c = 0; c < term.corners; ++c) places[c] = base_->place(term.node[c]);
-    if (!carried_.change(base_->panels(), term, {places.data(), static_cast<std::size_t>(term.corners)}, sign,
-                         base_->outer_corner()))
+    for (int c = 0; c < term.corners; ++c) places[c] = reference_->place(term.node[c]);
+    if (!carried_.change(reference_->panels(), term, {places.data(), static_cast<std::size_t>(term.corners)},
+                         sign, reference_->outer_corner()))
       ++left_behind_;
   }
 
@@ -372,7 +376,7 @@ class ZoneCompliance final : public Compliance {
     const Warping warping = options_.warping.value_or(Warping::piece);
     turn_.all(warping, state, Q_);
     largest_turn_ = 0;
-    for (const int n : base_->zone())
+    for (const int n : reference_->zone())
       if (in_system_[n])
         largest_turn_ =
             std::max(largest_turn_, warping == Warping::node ? angle_of(Q_[n])
@@ -380,19 +384,19 @@ class ZoneCompliance final : public Compliance {
   }
 
   bool factor_corner(const TissueState& state) {
-    const MatX& S_out = base_->outer_corner();
+    const MatX& S_out = reference_->outer_corner();
     auto S = factor_.matrix();
     for (Eigen::Index j = 0; j < S.cols(); ++j) {
       const Eigen::Index rows = S.rows() - j / row_multiple * row_multiple;  // whole tiles
       S.col(j).tail(rows) = S_out.col(j).tail(rows);
     }
-    base_->add_inside(state, Q_, S);
-    for (const int n : base_->zone()) {
+    reference_->add_inside(state, Q_, S);
+    for (const int n : reference_->zone()) {
       if (in_system_[n]) continue;
-      const int p = 3 * base_->zone_place(n);
+      const int p = 3 * reference_->zone_place(n);
       S.middleRows(p, 3).leftCols(p + 3).setZero();
       S.middleCols(p, 3).bottomRows(S.rows() - p).setZero();
-      S.diagonal().segment<3>(p).setConstant(base_->identity_scale());
+      S.diagonal().segment<3>(p).setConstant(reference_->identity_scale());
     }
     const Within factor(options_.times, StepPart::factor);
     return factor_.factor();
@@ -407,7 +411,7 @@ class ZoneCompliance final : public Compliance {
     for (std::size_t i = 0; i < nodes.size(); ++i) {
       if (!in_system_[nodes[i]] || places_[i] >= 0) continue;
       outside.push_back(static_cast<int>(i));
-      for (int r = 0; r < 3; ++r) nonzero.push_back(3 * base_->place(nodes[i]) + r);
+      for (int r = 0; r < 3; ++r) nonzero.push_back(3 * reference_->place(nodes[i]) + r);
       places_[i] = -1;
     }
     patch_inverse_(corner_factor(), places_, block);  // rows and columns of those outside stay zero
@@ -417,7 +421,7 @@ class ZoneCompliance final : public Compliance {
     auto X = beyond_.leftCols(columns);
     for (std::size_t k = 0; k < nonzero.size(); ++k) X(nonzero[k], static_cast<Eigen::Index>(k)) = 1;
     std::vector<int> reached;
-    base_->panels().forward_sparse(X, nonzero, reached);
+    reference_->panels().forward_sparse(X, nonzero, reached);
     const MatX X_r = X(reached, Eigen::all);
     MatX C_uu = X_r.transpose() * X_r;
     auto corner = X.bottomRows(corner_size());
@@ -458,21 +462,22 @@ class ZoneCompliance final : public Compliance {
   const TissueModel& model_;
   ComplianceOptions options_;
   std::shared_ptr<const ZoneStructure> structure_;
-  NodeTurn turn_;
+  WarpRotation turn_;
   std::vector<int> wanted_zone_;
   std::vector<int> ring_;
   std::vector<std::uint8_t> wanted_;
 
-  std::unique_ptr<ZoneBase> base_;
-  std::unique_ptr<ZoneBase> retired_;  // freed by the next base's maker, which has the time
-  CarriedTerms carried_;
+  std::unique_ptr<ZoneReference> reference_;
+  std::unique_ptr<ZoneReference> retired_;  // freed by the next reference factor's maker, which has the time
+  FarFieldUpdates carried_;
   std::vector<std::uint8_t> gone_;           // per tetrahedron
-  std::vector<std::uint8_t> stayed_orphan_;  // per node: its row of base and terms is the identity's
+  std::vector<std::uint8_t>
+      stayed_orphan_;  // per node: its row of reference factor and terms is the identity's
   int gone_count_ = 0;
-  int removed_since_base_ = 0;
+  int removed_since_reference_ = 0;
   int carried_count_ = 0;
   int left_behind_ = 0;
-  int base_age_ = 0;
+  int reference_age_ = 0;
 
   std::vector<Mat3> Q_;
   double largest_turn_ = 0;

@@ -8,7 +8,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double base_margin = 0.05;  // of the nodes' mean edge: what bodies at rest may move in a step
+constexpr double reference_margin = 0.05;  // of the nodes' mean edge: what bodies at rest may move in a step
 constexpr double ahead = 1.2;         // steps of present speed that a node is watched for
 constexpr double same_place = 1e-3;   // of the edge: nearer than that to an edge, its pseudo-normal
 constexpr double missed = 1e-6;       // overlap that makes a node join [m]
@@ -41,7 +41,7 @@ BodyContacts::BodyContacts(BodyContactSettings settings, double h)
 
 void BodyContacts::find(const Bodies& bodies) {
   report_ = {};
-  encounters_.clear();
+  candidates_.clear();
   if (empty()) return;
   solved_.clear();
   finder_.follow(bodies);
@@ -50,36 +50,36 @@ void BodyContacts::find(const Bodies& bodies) {
     const ContactPair& p = pairs()[k];
     const Body &own = bodies[p.points], &theirs = bodies[p.faces];
     if (!moves(own) && !moves(theirs)) continue;
-    const double depth = depth_of(bodies, p), least = base_margin * depth, speed = fastest(theirs);
+    const double depth = depth_of(bodies, p), least = reference_margin * depth, speed = fastest(theirs);
     const auto margin = [&](int, int n) {
       const double v = speed + (moves(own) ? own.state.v[n].norm() : 0);
       return std::min(depth, least + ahead * h_ * v);
     };
-    finder_.find(bodies, k, present, margin, depth, 0, least, encounters_);
+    finder_.find(bodies, k, present, margin, depth, 0, least, candidates_);
   }
   const auto capacity = static_cast<std::size_t>(max_body_contacts);
-  if (encounters_.size() > capacity) {
+  if (candidates_.size() > capacity) {
     // Those that touched stay; then the nearest. What this leaves out joins when it turns out to matter.
-    const auto touched = [&](const Encounter& e) {
+    const auto touched = [&](const ContactCandidate& e) {
       return std::any_of(memory_.begin(), memory_.end(), [&](const Remembered& m) {
         return m.pair == e.pair && m.node == e.node && !m.lambda.isZero(0);
       });
     };
     std::vector<std::pair<std::pair<bool, double>, std::size_t>> order;
-    for (std::size_t i = 0; i < encounters_.size(); ++i)
-      order.push_back({{!touched(encounters_[i]), encounters_[i].gap}, i});
+    for (std::size_t i = 0; i < candidates_.size(); ++i)
+      order.push_back({{!touched(candidates_[i]), candidates_[i].gap}, i});
     std::sort(order.begin(), order.end());
     order.resize(capacity);
     std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-    std::vector<Encounter> kept;
-    for (const auto& [key, i] : order) kept.push_back(std::move(encounters_[i]));
-    encounters_ = std::move(kept);
+    std::vector<ContactCandidate> kept;
+    for (const auto& [key, i] : order) kept.push_back(std::move(candidates_[i]));
+    candidates_ = std::move(kept);
   }
   index_contact_nodes(bodies);
 }
 
 bool BodyContacts::touching(int a, int b) const {
-  return std::any_of(encounters_.begin(), encounters_.end(), [&](const Encounter& e) {
+  return std::any_of(candidates_.begin(), candidates_.end(), [&](const ContactCandidate& e) {
     const ContactPair& p = pairs()[e.pair];
     return (p.points == a && p.faces == b) || (p.points == b && p.faces == a);
   });
@@ -88,7 +88,7 @@ bool BodyContacts::touching(int a, int b) const {
 void BodyContacts::index_contact_nodes(const Bodies& bodies) {
   contact_nodes_.resize(bodies.size());
   for (auto& nodes : contact_nodes_) nodes.clear();
-  for (const Encounter& e : encounters_) {
+  for (const ContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
     if (bodies[p.points].deformable) contact_nodes_[p.points].push_back(e.node);
     if (bodies[p.faces].deformable)
@@ -99,7 +99,7 @@ void BodyContacts::index_contact_nodes(const Bodies& bodies) {
     std::sort(nodes.begin(), nodes.end());
     nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
   }
-  report_.nodes = static_cast<int>(encounters_.size());
+  report_.nodes = static_cast<int>(candidates_.size());
 }
 
 void BodyContacts::set_domains(const Bodies& bodies, std::span<const PatchNode> patch) {
@@ -131,7 +131,7 @@ const Vec3& BodyContacts::position(const Bodies& bodies, int b, int node,
 Vec3 BodyContacts::relative(const Bodies& bodies, const BodyContact& c, std::vector<Vec3> Domain::*at) const {
   Vec3 out = Vec3::Zero();
   for (int t = 0; t < 4; ++t)
-    out += c.lever[t].weight * position(bodies, c.lever[t].body, c.mesh_node[t], at);
+    out += c.stencil[t].weight * position(bodies, c.stencil[t].body, c.mesh_node[t], at);
   return out;
 }
 
@@ -156,13 +156,13 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
   solved_.clear();
   linearise(bodies);
   // At the start of the step: overlap of each node, from which its recovery is measured.
-  for (Encounter& e : encounters_) {
+  for (ContactCandidate& e : candidates_) {
     e.gap = 0;
     for (const BodyContact& c : rows_)
       if (c.pair == e.pair && c.node == e.node) e.gap = std::min(e.gap, c.gap);
   }
   for (BodyContact& c : rows_)
-    for (const Encounter& e : encounters_)
+    for (const ContactCandidate& e : candidates_)
       if (c.pair == e.pair && c.node == e.node) {
         const double allowed = std::min(0.0, e.gap + settings_.recovery_speed * h_);
         c.delta_free[0] += c.allowed - allowed;
@@ -171,7 +171,7 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
 }
 
 void BodyContacts::open_faces(const Bodies& bodies) {
-  for (Encounter& e : encounters_) {
+  for (ContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
     const auto& faces = bodies[p.faces].surface.faces();
     const auto& y = bodies[p.faces].state.x;
@@ -189,16 +189,16 @@ void BodyContacts::open_faces(const Bodies& bodies) {
 
 double BodyContacts::linearise(const Bodies& bodies) {
   rows_.clear();
-  std::vector<TouchFace> views;
-  std::array<Touch, max_touches> touch;
-  for (const Encounter& e : encounters_) {
+  std::vector<ContactFace> views;
+  std::array<VertexFaceContact, max_vertex_face_contacts> touch;
+  for (const ContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
     const auto& faces = bodies[p.faces].surface.faces();
     views.clear();
     for (const int f : e.open) {
       std::array<Vec3, 3> x;
       for (int c = 0; c < 3; ++c) x[c] = position(bodies, p.faces, faces[f].nodes[c], &Domain::linear);
-      views.push_back(finder_.normals(p.faces).touch_face(bodies[p.faces], f, x));
+      views.push_back(finder_.normals(p.faces).contact_face(bodies[p.faces], f, x));
     }
     const Vec3& x = position(bodies, p.points, e.node, &Domain::linear);
     const double edge = depth_of(bodies, p);
@@ -206,10 +206,10 @@ double BodyContacts::linearise(const Bodies& bodies) {
     for (std::size_t k = 0; k < e.open.size(); ++k)
       for (const Remembered& m : memory_)
         if (m.pair == e.pair && m.node == e.node && m.face == faces[e.open[k]].id) held = static_cast<int>(k);
-    const int count = find_touches(x, views, same_place * edge, held, touch);
+    const int count = find_vertex_face_contacts(x, views, same_place * edge, held, touch);
     for (int k = 0; k < count; ++k) {
-      const Touch& t = touch[k];
-      if (k > 0 && t.gap > std::max(e.margin, base_margin * edge)) continue;
+      const VertexFaceContact& t = touch[k];
+      if (k > 0 && t.gap > std::max(e.margin, reference_margin * edge)) continue;
       const SurfaceFace& face = faces[e.open[t.face]];
       BodyContact c;
       c.pair = e.pair;
@@ -219,9 +219,9 @@ double BodyContacts::linearise(const Bodies& bodies) {
       bool mobile = false;
       for (int i = 0; i < 4; ++i) {
         const int b = i == 0 ? p.points : p.faces;
-        c.lever[i] = {b, domains_[b].mobile ? domains_[b].place[c.mesh_node[i]] : -1,
-                      i == 0 ? 1 : -t.weight[i - 1]};
-        mobile = mobile || (c.lever[i].place >= 0 && !bodies[b].model.fixed[c.mesh_node[i]]);
+        c.stencil[i] = {b, domains_[b].mobile ? domains_[b].place[c.mesh_node[i]] : -1,
+                        i == 0 ? 1 : -t.weight[i - 1]};
+        mobile = mobile || (c.stencil[i].place >= 0 && !bodies[b].model.fixed[c.mesh_node[i]]);
       }
       if (!mobile) continue;
       c.frame = contact_frame(t.normal);
@@ -293,7 +293,7 @@ void BodyContacts::remember() {
 }
 
 int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
-  std::vector<Encounter> found;
+  std::vector<ContactCandidate> found;
   for (int k = 0; k < static_cast<int>(pairs().size()); ++k) {
     const ContactPair& p = pairs()[k];
     if (!moves(bodies[p.points]) && !moves(bodies[p.faces])) continue;
@@ -306,15 +306,15 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
     }
     const double depth = depth_of(bodies, p);
     const auto margin = [](int, int) { return -missed; };
-    finder_.find(bodies, k, x_end, margin, depth, moved, base_margin * depth, found);
+    finder_.find(bodies, k, x_end, margin, depth, moved, reference_margin * depth, found);
   }
   int joined = 0;
   // A node that slid past the faces it was to meet: those it came to join.
-  std::erase_if(found, [&](Encounter& e) {
-    const auto known = std::find_if(encounters_.begin(), encounters_.end(), [&](const Encounter& other) {
-      return other.pair == e.pair && other.node == e.node;
-    });
-    if (known == encounters_.end()) return false;
+  std::erase_if(found, [&](ContactCandidate& e) {
+    const auto known = std::find_if(
+        candidates_.begin(), candidates_.end(),
+        [&](const ContactCandidate& other) { return other.pair == e.pair && other.node == e.node; });
+    if (known == candidates_.end()) return false;
     std::vector<int> both;
     std::set_union(known->faces.begin(), known->faces.end(), e.faces.begin(), e.faces.end(),
                    std::back_inserter(both));
@@ -324,18 +324,19 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
   });
   if (found.empty() && joined == 0) return 0;
   const auto capacity = static_cast<std::size_t>(max_body_contacts);
-  if (encounters_.size() + found.size() > capacity)
-    std::erase_if(encounters_, [&](const Encounter& e) {
+  if (candidates_.size() + found.size() > capacity)
+    std::erase_if(candidates_, [&](const ContactCandidate& e) {
       return std::none_of(solved_.begin(), solved_.end(), [&](const BodyContact& c) {
         return c.pair == e.pair && c.node == e.node && c.lambda[0] > 0;
       });
     });
-  std::sort(found.begin(), found.end(), [](const Encounter& a, const Encounter& b) { return a.gap < b.gap; });
-  const std::size_t room = capacity - std::min(capacity, encounters_.size());
+  std::sort(found.begin(), found.end(),
+            [](const ContactCandidate& a, const ContactCandidate& b) { return a.gap < b.gap; });
+  const std::size_t room = capacity - std::min(capacity, candidates_.size());
   if (found.size() > room) found.resize(room);
-  for (Encounter& e : found) {
-    e.margin = base_margin * depth_of(bodies, pairs()[e.pair]);
-    encounters_.push_back(std::move(e));
+  for (ContactCandidate& e : found) {
+    e.margin = reference_margin * depth_of(bodies, pairs()[e.pair]);
+    candidates_.push_back(std::move(e));
   }
   joined += static_cast<int>(found.size());
   if (joined == 0) return 0;

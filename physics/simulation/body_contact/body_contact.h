@@ -32,7 +32,7 @@
 #include "physics/contact/rows.h"
 #include "physics/contact/solver/coulomb.h"
 #include "physics/contact/solver/lcp.h"
-#include "physics/simulation/body_contact/encounters.h"
+#include "physics/simulation/body_contact/contact_candidates.h"
 #include "physics/simulation/patch.h"
 
 namespace hapticd {
@@ -45,7 +45,7 @@ struct BodyContactSettings {
 };
 
 // How a contact takes hold of a node: its body, its place in that body's domain (−1: immobile), its weight.
-struct Lever {
+struct ContactStencil {
   int body = -1;
   int place = -1;
   double weight = 0;
@@ -57,7 +57,7 @@ struct BodyContact {
   int node;
   int face;                      // id of the surface face, for good
   std::array<int, 4> mesh_node;  // the node, then the face's corners
-  std::array<Lever, 4> lever;    // their weights are 1, −w
+  std::array<ContactStencil, 4> stencil;  // their weights are 1, −w
   Mat3 frame;
   double friction;
   double gap;       // true, at the linearisation [m]
@@ -90,7 +90,7 @@ class BodyContacts {
   // Who may touch whom in the step that begins at the bodies' present positions.
   void find(const Bodies& bodies);
   bool touching(int a, int b) const;  // whether these bodies have an encounter
-  bool any() const { return !encounters_.empty(); }
+  bool any() const { return !candidates_.empty(); }
 
   // Nodes whose compliance is needed, for the body's zone.
   std::span<const int> nodes_of(int body) const {
@@ -151,7 +151,7 @@ class BodyContacts {
     std::vector<Vec3> start, free, linear;
   };
   struct ToolRow {
-    std::array<Lever, 3> lever;
+    std::array<ContactStencil, 3> stencil;
     bool works = false;  // solved; the others are open
   };
   struct Remembered {
@@ -163,7 +163,7 @@ class BodyContacts {
   void index_contact_nodes(const Bodies& bodies);
   const Vec3& position(const Bodies& bodies, int body, int node, std::vector<Vec3> Domain::*at) const;
   Vec3 relative(const Bodies& bodies, const BodyContact& c, std::vector<Vec3> Domain::*at) const;
-  Mat3 between(std::span<const Lever> a, std::span<const Lever> b) const;
+  Mat3 between(std::span<const ContactStencil> a, std::span<const ContactStencil> b) const;
   void choose(std::vector<BodyContact>& rows);
   void warm_start(std::vector<BodyContact>& rows) const;
   void choose_working();
@@ -181,8 +181,8 @@ class BodyContacts {
 
   BodyContactSettings settings_;
   double h_;
-  EncounterFinder finder_;
-  std::vector<Encounter> encounters_;
+  ContactCandidateFinder finder_;
+  std::vector<ContactCandidate> candidates_;
   std::vector<std::vector<int>> contact_nodes_;
   std::vector<Domain> domains_;
   std::vector<PatchNode> patch_;

@@ -50,7 +50,7 @@ void BodyContacts::condense(CondensedProblem& problem) const {
     moved.segment<3>(3 * j) = d.C.middleRows<3>(3 * place) * d.force;
     for (Eigen::Index r = 0; r < rows; ++r) {
       const BodyContact& c = solved_[kept[r].first];
-      for (const Lever& l : c.lever)
+      for (const ContactStencil& l : c.stencil)
         if (l.place >= 0 && l.body == patch_[j].body)
           Y.block<1, 3>(r, 3 * j) +=
               l.weight * c.frame.col(kept[r].second).transpose() * d.C.block<3, 3>(3 * l.place, 3 * place);

@@ -12,11 +12,11 @@ constexpr int most_sweeps = 2000;    // no deadline of a millisecond here
 
 }  // namespace
 
-Mat3 BodyContacts::between(std::span<const Lever> a, std::span<const Lever> b) const {
+Mat3 BodyContacts::between(std::span<const ContactStencil> a, std::span<const ContactStencil> b) const {
   Mat3 G = Mat3::Zero();
-  for (const Lever& s : a) {
+  for (const ContactStencil& s : a) {
     if (s.place < 0) continue;
-    for (const Lever& t : b)
+    for (const ContactStencil& t : b)
       if (t.place >= 0 && s.body == t.body)
         G += s.weight * t.weight * domains_[s.body].C.block<3, 3>(3 * s.place, 3 * t.place);
   }
@@ -46,7 +46,7 @@ bool BodyContacts::grow_working() {
   for (int i = 0; i < static_cast<int>(solved_.size()); ++i) {
     if (works_[i] >= 0) continue;
     double gap = solved_[i].delta_free[0];
-    for (const Lever& l : solved_[i].lever)
+    for (const ContactStencil& l : solved_[i].stencil)
       if (l.place >= 0) gap += l.weight * solved_[i].frame.col(0).dot(moved[l.body].segment<3>(3 * l.place));
     if (gap >= -closed_gap) continue;
     works_[i] = static_cast<int>(working_.size());
@@ -61,7 +61,7 @@ void BodyContacts::assemble() {
   for (int j = 0; j < n; ++j)
     for (int i = 0; i <= j; ++i) {
       const BodyContact &a = solved_[working_[i]], &b = solved_[working_[j]];
-      const Mat3 G = between(a.lever, b.lever);
+      const Mat3 G = between(a.stencil, b.stencil);
       if (m == 1) {
         W_(i, j) = W_(j, i) = a.frame.col(0).dot(G * b.frame.col(0));
       } else {
@@ -113,7 +113,7 @@ void BodyContacts::take(const VecX& lambda, int m) {
     report_.sliding +=
         c.friction > 0 && c.lambda.tail<2>().norm() > inside_the_cone * c.friction * c.lambda[0];
     const Vec3 force = c.frame * c.lambda;
-    for (const Lever& l : c.lever)
+    for (const ContactStencil& l : c.stencil)
       if (l.place >= 0) domains_[l.body].force.segment<3>(3 * l.place) += l.weight * force;
   }
   remember();
@@ -162,7 +162,7 @@ void BodyContacts::solve(const VecX& tool_force) {
     for (Eigen::Index i = 0; i < n; ++i) {
       const BodyContact& c = solved_[working_[i]];
       Vec3 shift = Vec3::Zero();
-      for (const Lever& l : c.lever)
+      for (const ContactStencil& l : c.stencil)
         if (l.place >= 0) shift += l.weight * moved[l.body].segment<3>(3 * l.place);
       q.segment(m * i, m) = (c.delta_free + c.frame.transpose() * shift).head(m);
       lambda.segment(m * i, m) = c.lambda.head(m);
@@ -185,7 +185,7 @@ VecX BodyContacts::solve_with(const CondensedProblem& problem, const ContactRows
     const PatchSample& s = problem.sample[tool.row[i].sample];
     for (int c = 0; c < 3 && s.node[0] >= 0; ++c) {
       const PatchNode& p = patch_[s.node[c]];
-      rows[i].lever[c] = {p.body, domains_[p.body].place[p.node], s.weight[c]};
+      rows[i].stencil[c] = {p.body, domains_[p.body].place[p.node], s.weight[c]};
     }
     rows[i].works = known ? tool_lambda[mt * i] > 0 : tool.q()[mt * i] < 0;
     if (rows[i].works) working.push_back(i);
@@ -223,7 +223,7 @@ VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const Con
       W.block(m * i, m * j, mt, mt) = tool.W().block(mt * working[i], mt * working[j], mt, mt);
     for (Eigen::Index j = 0; j < nb; ++j) {
       const BodyContact& c = solved_[working_[j]];
-      const Mat3 block = row.frame.transpose() * between(rows[working[i]].lever, c.lever) * c.frame;
+      const Mat3 block = row.frame.transpose() * between(rows[working[i]].stencil, c.stencil) * c.frame;
       W.block(m * i, m * (nt + j), mt, mb) = block.topLeftCorner(mt, mb);
       W.block(m * (nt + j), m * i, mb, mt) = block.topLeftCorner(mt, mb).transpose();
     }
@@ -259,7 +259,7 @@ VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const Con
   tool_delta_ = tool.W() * tool_lambda + tool.q();
   for (int i = 0; i < tool.contacts; ++i) {
     Vec3 shift = Vec3::Zero();
-    for (const Lever& l : rows[i].lever)
+    for (const ContactStencil& l : rows[i].stencil)
       if (l.place >= 0) shift += l.weight * moved[l.body].segment<3>(3 * l.place);
     tool_delta_.segment(mt * i, mt) += (tool.row[i].frame.transpose() * shift).head(mt);
   }
@@ -276,7 +276,7 @@ void BodyContacts::add_forces(int body, Eigen::Ref<VecX> f) const {
 Vec3 BodyContacts::force_on(int body) const {
   Vec3 sum = Vec3::Zero();
   for (const BodyContact& c : applied_)
-    for (const Lever& l : c.lever)
+    for (const ContactStencil& l : c.stencil)
       if (l.body == body) sum += l.weight * (c.frame * c.lambda);
   return sum;
 }

@@ -45,20 +45,20 @@ GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
   return {centre, box, touches};
 }
 
-GrownShape grown(const Primitive& p, double alarm) {
+GrownShape grown(const Primitive& p, double wakeup_timer) {
   switch (p.shape) {
     case Shape::sphere:
-      return grown(fcl::Sphere<double>(p.radius + alarm));
+      return grown(fcl::Sphere<double>(p.radius + wakeup_timer));
     case Shape::capsule:
-      return grown(fcl::Capsule<double>(p.radius + alarm, 2 * p.half_length));
+      return grown(fcl::Capsule<double>(p.radius + wakeup_timer, 2 * p.half_length));
     case Shape::cylinder:
-      return grown(fcl::Cylinder<double>(p.radius + alarm, 2 * (p.half_length + alarm)));
+      return grown(fcl::Cylinder<double>(p.radius + wakeup_timer, 2 * (p.half_length + wakeup_timer)));
     case Shape::convex:
       break;
   }
   Eigen::AlignedBox3d box;
   for (const Vec3& v : p.vertices) box.extend(v);
-  const Vec3 size = box.sizes() + Vec3::Constant(2 * alarm);
+  const Vec3 size = box.sizes() + Vec3::Constant(2 * wakeup_timer);
   return grown(fcl::Box<double>(size), box.center());
 }
 

@@ -10,7 +10,7 @@ namespace hapticd {
 namespace {
 
 // What went, on its own nodes.
-struct Gone {
+struct WoodburyDowndate {
   std::vector<int> node;   // G
   std::vector<int> place;  // … in the caller's list
   std::vector<int> index;  // per node of the body: into G, or −1
@@ -30,7 +30,7 @@ class Linearisation {
   double per_mass() const { return per_mass_; }
   double stiffness() const { return 1 + damping_; }
 
-  Vec3 offset(int n) const { return ahead_ ? Vec3(body_.dx_ahead.segment<3>(3 * n)) : Vec3::Zero(); }
+  Vec3 offset(int n) const { return ahead_ ? Vec3(body_.dx_predicted.segment<3>(3 * n)) : Vec3::Zero(); }
 
   // r_e by corner. Of an element turned with R, the force is R sym(RᵀF)'s; of its own rotation it is so
   // anyway.
@@ -61,7 +61,8 @@ class Linearisation {
 };
 
 // E and r_E of an element with rotation R: `sign` 1 where it goes, −1 where it comes.
-void add_element(const Body& body, const Linearisation& at, int t, const Mat3& R, double sign, Gone& gone) {
+void add_element(const Body& body, const Linearisation& at, int t, const Mat3& R, double sign,
+                 WoodburyDowndate& gone) {
   const TissueModel& m = body.model;
   const Tet& tet = m.mesh.tets[t];
   const Gradients b = R * m.gradients[t];
@@ -80,9 +81,9 @@ void add_element(const Body& body, const Linearisation& at, int t, const Mat3& R
   }
 }
 
-Gone gone_of(const Body& body, std::span<const int> tets, std::span<const Turned> turned,
-             const Linearisation& at, std::span<const int> nodes) {
-  Gone gone;
+WoodburyDowndate gone_of(const Body& body, std::span<const int> tets, std::span<const StaleRotation> stale,
+                         const Linearisation& at, std::span<const int> nodes) {
+  WoodburyDowndate gone;
   gone.index.assign(body.state.x.size(), -1);
   const auto add_nodes = [&](int t) {
     for (const int n : body.model.mesh.tets[t])
@@ -93,7 +94,7 @@ Gone gone_of(const Body& body, std::span<const int> tets, std::span<const Turned
       }
   };
   for (const int t : tets) add_nodes(t);
-  for (const Turned& t : turned) add_nodes(t.tet);
+  for (const StaleRotation& t : stale) add_nodes(t.tet);
   const auto size = static_cast<Eigen::Index>(3 * gone.node.size());
   gone.M = MatX::Zero(size, size);
   gone.r = VecX::Zero(size);
@@ -104,7 +105,7 @@ Gone gone_of(const Body& body, std::span<const int> tets, std::span<const Turned
     if (body.state.live_tets_of_node[n] == 0 && !body.model.fixed[n])
       gone.M.diagonal().segment<3>(static_cast<Eigen::Index>(3 * g)).array() -= s;
   }
-  for (const Turned& t : turned) {
+  for (const StaleRotation& t : stale) {
     add_element(body, at, t.tet, body.state.rotation[t.tet], 1, gone);
     add_element(body, at, t.tet, t.R, -1, gone);
   }
@@ -113,15 +114,15 @@ Gone gone_of(const Body& body, std::span<const int> tets, std::span<const Turned
 
 }  // namespace
 
-bool condense_without(Body& body, std::span<const int> tets, std::span<const Turned> turned,
-                      Linearised linearised, double h, std::span<const int> nodes, int kept,
-                      const VecX& force, int uncovered, Condensed& out) {
+bool woodbury_downdate(Body& body, std::span<const int> tets, std::span<const StaleRotation> stale,
+                       Linearised linearised, double h, std::span<const int> nodes, int kept,
+                       const VecX& force, int uncovered, Condensed& out) {
   const auto outside = std::count_if(nodes.begin(), nodes.end(), [&](const int& n) {
     return !body.compliance->zone_covers(std::span(&n, 1));
   });
   if (outside > uncovered) return false;
   const Linearisation at(body, linearised, h);
-  const Gone gone = gone_of(body, tets, turned, at, nodes);
+  const WoodburyDowndate gone = gone_of(body, tets, stale, at, nodes);
   const auto all = static_cast<Eigen::Index>(3 * nodes.size());
   const auto size = static_cast<Eigen::Index>(3 * gone.node.size());
   const Eigen::Index wanted = 3 * kept;

@@ -1,8 +1,8 @@
 // The condensed system of a body that lost elements or whose elements turned, from the one it has: no factor.
 //
-//   before   A (Δx − Δx_p) = r + f           Δx_p: where the body was linearised (look_ahead.h), else 0
-//   after    A' = A − E + s I_o,  r' = r − r_E     E = Σ_e (1/h² + α/h) m_e + (1 + β/h) k_e,  only on nodes G
-//   r_e      = m_e (v/h + g − (1/h² + α/h) Δx_p) + f_e(x + Δx_p) − β/h k_e Δx_p
+//   before   A (Δx − Δx_p) = r + f           Δx_p: where the body was linearised (predicted_linearisation.h),
+//   else 0 after    A' = A − E + s I_o,  r' = r − r_E     E = Σ_e (1/h² + α/h) m_e + (1 + β/h) k_e,  only on
+//   nodes G r_e      = m_e (v/h + g − (1/h² + α/h) Δx_p) + f_e(x + Δx_p) − β/h k_e Δx_p
 //
 //   with M = E − s I_o on G:   C' = C + C_G M (I − C_GG M)⁻¹ C_Gᵀ
 //   and with z = C (r − r_E):  Δx_free' = Δx_p + z + C_G M (I − C_GG M)⁻¹ z_G
@@ -16,14 +16,14 @@
 // comes.
 #pragma once
 
-#include "physics/simulation/step/turned.h"
+#include "physics/simulation/step/stale_rotation.h"
 
 namespace hapticd {
 
 // What the factor that the body's compliance holds was linearised at.
 enum class Linearised : std::uint8_t {
   here,   // at x, of a linear body
-  ahead,  // at x + Body::dx_ahead, by linearise_ahead
+  ahead,  // at x + Body::dx_predicted, by linearise_ahead
 };
 
 struct Condensed {
@@ -44,8 +44,8 @@ VecX force_of_change(const Condensed& condensed, const VecX& force);
 // Of the first `kept` of `nodes`, which name every corner of `tets` and `turned` too; `tets` are gone from
 // the state, and the compliance has not been told yet. force: on the nodes, as it was before [N]. False: the
 // compliance's zone leaves more than `uncovered` of the nodes out, or what is left has nothing that holds it.
-bool condense_without(Body& body, std::span<const int> tets, std::span<const Turned> turned, Linearised at,
-                      double h, std::span<const int> nodes, int kept, const VecX& force, int uncovered,
-                      Condensed& out);
+bool woodbury_downdate(Body& body, std::span<const int> tets, std::span<const StaleRotation> stale,
+                       Linearised at, double h, std::span<const int> nodes, int kept, const VecX& force,
+                       int uncovered, Condensed& out);
 
 }  // namespace hapticd

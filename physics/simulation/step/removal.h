@@ -8,7 +8,7 @@
 // within `aspiration_reach` of the tip's surface while aspiration is on. What the tip leaves of a few
 // tetrahedra hanging by an edge or a node goes with what held it (fragments.h), at no cost to the rate.
 // Units: m, 1/s. Source: the paper §3 ("consecutively removing tetrahedra intersected by the tip");
-// departure: the crumbs.
+// departure: the hinged fragments.
 #pragma once
 
 #include <span>

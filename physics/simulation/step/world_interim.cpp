@@ -66,9 +66,9 @@ bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& probl
         f.segment<3>(3 * place_of(before[i].node)) = force.segment<3>(at);
     }
     know_free_motion(body, nodes);
-    if (!condense_without(body, gone_[b], {}, ahead_[b] ? Linearised::ahead : Linearised::here, settings_.h,
-                          nodes, kept, f.head(3 * static_cast<Eigen::Index>(nodes.size())), uncovered,
-                          condensed))
+    if (!woodbury_downdate(body, gone_[b], {}, ahead_[b] ? Linearised::ahead : Linearised::here, settings_.h,
+                           nodes, kept, f.head(3 * static_cast<Eigen::Index>(nodes.size())), uncovered,
+                           condensed))
       return false;
     const double viscous = body.model.dynamic ? body.model.material.rayleigh_stiffness / settings_.h : 0;
     for (int i = 0; i < kept; ++i) {

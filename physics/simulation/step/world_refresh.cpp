@@ -4,7 +4,7 @@
 // good enough for a thick body (haptic/README.md). What a removal leaves may be thin: a corner on two
 // elements is turned by half a radian, or buckles, in a third of a step. So where the last problem, solved on
 // the way to where the instrument is going, says that elements have turned, they get the rotation of there
-// (turned.h):
+// (stale_rotation.h):
 //
 //   Δx = Δx_free + C (f + f_E)      f: contact;  f_E: what the last refresh changed, as a force (interim.h)
 //   A' = A + (1 + β/h) Σ_e (k_e(R') − k_e(R)),   from the factor that there is, by Woodbury's formula
@@ -80,14 +80,14 @@ bool World::refresh(const InstrumentSample& sample, CondensedProblem& problem) {
     NodeList list(body, static_cast<int>(b), gatherer_.nodes());
     const VecX f = force_on(list, force);
     if (f.isZero(0) || !body.compliance->zone_covers(list.nodes)) continue;
-    const std::vector<Turned> turned =
-        turned_elements(body, motion_in_zone(body, list, f, changes_[b]), least_change * f.norm());
-    if (turned.empty()) continue;
-    for (const Turned& t : turned)
+    const std::vector<StaleRotation> stale =
+        stale_rotations(body, motion_in_zone(body, list, f, changes_[b]), least_change * f.norm());
+    if (stale.empty()) continue;
+    for (const StaleRotation& t : stale)
       for (const int n : body.model.mesh.tets[t.tet]) list.add(n);
     Condensed condensed;
-    if (!condense_without(body, {}, turned, Linearised::ahead, settings_.h, list.nodes, list.kept(),
-                          VecX::Zero(3 * static_cast<Eigen::Index>(list.nodes.size())), 0, condensed))
+    if (!woodbury_downdate(body, {}, stale, Linearised::ahead, settings_.h, list.nodes, list.kept(),
+                           VecX::Zero(3 * static_cast<Eigen::Index>(list.nodes.size())), 0, condensed))
       continue;
     for (int i = 0; i < list.kept(); ++i) {
       last_problem_->x_free[list.index[i]] =

@@ -29,17 +29,17 @@ struct Method {
   const char* name;
   ComplianceMethod method;
   NodeOrder order = NodeOrder::zone_last;
-  int rebase_after = 0;
+  int new_reference_after = 0;
 
-  // `zone` asks for a base once it carries many removals, however right it is.
+  // `zone` asks for a reference factor once it carries many removals, however right it is.
   ComplianceHealth best_health() const {
-    return method == ComplianceMethod::zone ? ComplianceHealth::rebase_wanted : ComplianceHealth::good;
+    return method == ComplianceMethod::zone ? ComplianceHealth::new_reference_wanted : ComplianceHealth::good;
   }
 
   std::unique_ptr<Compliance> make(const TissueModel& model) const {
     ComplianceOptions options;
     options.updown_order = order;
-    options.lazy_rebase_after = rebase_after;
+    options.lazy_reference_after = new_reference_after;
     return make_compliance(method, model, h, options);
   }
 };
@@ -152,7 +152,8 @@ TEST_P(EveryMethod, NeverCallsNonsenseGood) {
 // 1 089 nodes and 4 800 tetrahedra, a hole that grows from the top.
 TEST_P(EveryMethod, StaysExactForAThousandRemovalsAtThePapersSize) {
   if (GetParam().method == ComplianceMethod::dense) GTEST_SKIP() << "minutes";
-  if (GetParam().method == ComplianceMethod::lazy && GetParam().rebase_after == 0) GTEST_SKIP() << "10 s";
+  if (GetParam().method == ComplianceMethod::lazy && GetParam().new_reference_after == 0)
+    GTEST_SKIP() << "10 s";
   TetMesh mesh = box_mesh({9e-3, 9e-3, 6e-3}, 10, 10, 8);
   const std::vector<int> bottom = mesh.group("bottom")->nodes;
   const Material soft{3000, 0.45, 1000, 2, 1e-3};
@@ -182,10 +183,10 @@ TEST_P(EveryMethod, StaysExactForAThousandRemovalsAtThePapersSize) {
     if (k % 50 != 0) continue;
     compliance->update(state);
     if (compliance->report().health == ComplianceHealth::good) continue;
-    std::unique_ptr<ComplianceBase> base = compliance->snapshot_base(state);
-    ASSERT_TRUE(base);
-    base->make();
-    compliance->adopt_base(std::move(base), state);
+    std::unique_ptr<ReferenceFactor> reference = compliance->snapshot_reference(state);
+    ASSERT_TRUE(reference);
+    reference->make();
+    compliance->adopt_reference(std::move(reference), state);
   }
   compliance->update(state);
   const auto fresh = make_compliance(ComplianceMethod::exact, model, h);
@@ -250,17 +251,17 @@ TEST_P(EveryMethod, ABaseMadeElsewhereTakesOverWithTheRemovalsSince) {
     compliance->update(state);
   };
   take_out(0, 20);
-  std::unique_ptr<ComplianceBase> base = compliance->snapshot_base(state);
-  if (!base) GTEST_SKIP() << "keeps no base";
+  std::unique_ptr<ReferenceFactor> reference = compliance->snapshot_reference(state);
+  if (!reference) GTEST_SKIP() << "keeps no base";
   take_out(20, 20);
-  base->make();
+  reference->make();
   take_out(40, 20);
-  compliance->adopt_base(std::move(base), state);
+  compliance->adopt_reference(std::move(reference), state);
   compliance->update(state);
   const MatX C = reference(model, state);
   EXPECT_LT(patch_error(*compliance, C, zone), 1e-10);
   EXPECT_LT(apply_error(*compliance, C), 1e-10);
-  EXPECT_EQ(compliance->report().removed_since_base, 40);
+  EXPECT_EQ(compliance->report().removed_since_reference, 40);
 }
 
 INSTANTIATE_TEST_SUITE_P(

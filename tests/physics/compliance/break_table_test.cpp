@@ -15,7 +15,7 @@ namespace {
 struct Method {
   const char* name;
   ComplianceMethod method;
-  bool rebase;      // whenever it is wanted, as the simulation does
+  bool new_reference;  // whenever it is wanted, as the simulation does
   bool is_default;  // right to 1e-6 or not 'good'; for the others 1e-3 is enough
 };
 constexpr Method methods[] = {{"exact", ComplianceMethod::exact, false, true},
@@ -73,10 +73,10 @@ TEST_P(BreakTable, RightOrSaysSo) {
       compliance[m]->remove(state, some);
       try {
         compliance[m]->update(state);
-        if (!methods[m].rebase || compliance[m]->report().health == ComplianceHealth::good) continue;
-        std::unique_ptr<ComplianceBase> base = compliance[m]->snapshot_base(state);
-        base->make();
-        compliance[m]->adopt_base(std::move(base), state);
+        if (!methods[m].new_reference || compliance[m]->report().health == ComplianceHealth::good) continue;
+        std::unique_ptr<ReferenceFactor> reference = compliance[m]->snapshot_reference(state);
+        reference->make();
+        compliance[m]->adopt_reference(std::move(reference), state);
         compliance[m]->update(state);
       } catch (const std::runtime_error&) {
         failed[m] = true;  // a clear status of its own
@@ -106,7 +106,7 @@ TEST_P(BreakTable, RightOrSaysSo) {
                 good ? "good" : report.health == ComplianceHealth::degraded ? "degraded" : "rebase wanted");
     EXPECT_TRUE(!good || error <= (methods[m].is_default ? 1e-6 : 1e-3));
     // With a mass that means anything the defaults are right, not only honest.
-    if (methods[m].is_default && (methods[m].rebase || m == 0) && GetParam().mass_factor >= 1e-4) {
+    if (methods[m].is_default && (methods[m].new_reference || m == 0) && GetParam().mass_factor >= 1e-4) {
       EXPECT_LE(error, 1e-6);
     }
   }

@@ -74,17 +74,17 @@ TEST(Fragments, WhatHangsByAnEdgeIsACrumb) {
   TetMesh mesh;
   mesh.nodes = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
   mesh.tets = {{0, 2, 3, 1}, {0, 3, 4, 1}, {0, 4, 5, 1}};
-  const auto crumbs = [&](std::vector<int> fixed, std::vector<int> gone, int most) {
+  const auto hinged = [&](std::vector<int> fixed, std::vector<int> gone, int most) {
     const TissueModel model = make_tissue_model(mesh, soft, fixed, Vec3::Zero());
     TissueState state = rest_state(model);
     remove_tets(model, state, gone);
-    return hanging_crumbs(model, state, gone, most);
+    return hinged_fragments(model, state, gone, most);
   };
-  EXPECT_EQ(crumbs({2}, {1}, 8), std::vector<int>{2});
-  EXPECT_TRUE(crumbs({2}, {1}, 0).empty());     // larger than what may go
-  EXPECT_TRUE(crumbs({2, 5}, {1}, 8).empty());  // held
-  EXPECT_TRUE(crumbs({2}, {2}, 8).empty());     // what is left is joined by a face
-  EXPECT_TRUE(crumbs({2}, {0, 1}, 8).empty());  // free: it hangs on nothing
+  EXPECT_EQ(hinged({2}, {1}, 8), std::vector<int>{2});
+  EXPECT_TRUE(hinged({2}, {1}, 0).empty());     // larger than what may go
+  EXPECT_TRUE(hinged({2, 5}, {1}, 8).empty());  // held
+  EXPECT_TRUE(hinged({2}, {2}, 8).empty());     // what is left is joined by a face
+  EXPECT_TRUE(hinged({2}, {0, 1}, 8).empty());  // free: it hangs on nothing
 }
 
 TEST(Fragments, NothingLeftIsNoFragment) {

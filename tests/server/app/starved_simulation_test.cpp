@@ -1,5 +1,5 @@
-// A simulation that others leave a fraction of its steps, and whose bases come late: the cataract scene's
-// stroke with its removals, in real time, one step of 20 ms each 40 to 500 ms.
+// A simulation that others leave a fraction of its steps, and whose reference factors come late: the cataract
+// scene's stroke with its removals, in real time, one step of 20 ms each 40 to 500 ms.
 #include <gtest/gtest.h>
 
 #include <deque>
@@ -16,15 +16,16 @@ namespace {
 
 struct Starved {
   double farthest = 0;  // of a node of the lens from where it was at rest [m]
-  int steps = 0, removed = 0, bases_on_the_spot = 0;
+  int steps = 0, removed = 0, synchronous_references = 0;
 };
 
-// base_delay: steps until a base that was asked for is there. Throws what World::step throws.
-Starved stroke(const Scene& scene, double least, double most, int base_delay, unsigned seed) {
+// reference_delay: steps until a reference factor that was asked for is there. Throws what World::step
+// throws.
+Starved stroke(const Scene& scene, double least, double most, int reference_delay, unsigned seed) {
   const Trajectory motion = read_trajectory(*scene.trajectory, LengthUnit::metre);
   const auto world = make_world(scene);
   const auto problem = std::make_unique<CondensedProblem>(), second = std::make_unique<CondensedProblem>();
-  std::deque<std::pair<int, BaseJob>> bases;
+  std::deque<std::pair<int, ReferenceJob>> references;
   std::mt19937 random(seed);
   Starved run;
   double period = 0;
@@ -42,14 +43,14 @@ Starved stroke(const Scene& scene, double least, double most, int base_delay, un
       now += 1e-3;  // until the latch
       return sample;
     };
-    run.bases_on_the_spot +=
-        world->step(latest, *problem, [&]() -> CondensedProblem& { return *second; }).bases_on_the_spot;
-    for (BaseJob& job : world->wanted_bases()) {
-      job.base->make();
-      bases.emplace_back(run.steps + base_delay, std::move(job));
+    run.synchronous_references +=
+        world->step(latest, *problem, [&]() -> CondensedProblem& { return *second; }).synchronous_references;
+    for (ReferenceJob& job : world->wanted_references()) {
+      job.reference->make();
+      references.emplace_back(run.steps + reference_delay, std::move(job));
     }
-    for (; !bases.empty() && bases.front().first <= run.steps; bases.pop_front())
-      world->adopt(std::move(bases.front().second));
+    for (; !references.empty() && references.front().first <= run.steps; references.pop_front())
+      world->adopt(std::move(references.front().second));
     const Body& lens = world->bodies().front();
     for (std::size_t n = 0; n < lens.state.x.size(); ++n)
       if (lens.state.live_tets_of_node[n] > 0)
@@ -60,24 +61,24 @@ Starved stroke(const Scene& scene, double least, double most, int base_delay, un
 }
 
 // Nodes had flown by metres in five strokes of six, by 10⁸ m in the end.
-TEST(StarvedSimulation, TissueHoldsWhereStepsAndBasesComeLate) {
+TEST(StarvedSimulation, TissueHoldsWhereStepsAndReferencesComeLate) {
   const Scene scene = read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/cataract/cataract.yaml");
   struct Case {
     double least, most;
-    int base_delay;
+    int reference_delay;
   };
   int made = 0;
   for (const Case& c : {Case{0.1, 0.5, 8}, Case{0.04, 0.15, 20}, Case{0.02, 0.02, 90}})
     for (const unsigned seed : {2u, 3u, 7u}) {
       if (c.least == c.most && seed > 2) continue;
-      const Starved run = stroke(scene, c.least, c.most, c.base_delay, seed);
+      const Starved run = stroke(scene, c.least, c.most, c.reference_delay, seed);
       EXPECT_GT(run.removed, 2);
       EXPECT_LT(run.farthest, 2.5e-3) << c.least << " to " << c.most << " s, seed " << seed;
-      made += run.bases_on_the_spot;
+      made += run.synchronous_references;
     }
   EXPECT_GT(made, 0);
   // In time, none is needed.
-  EXPECT_EQ(stroke(scene, 0.02, 0.02, 1, 1).bases_on_the_spot, 0);
+  EXPECT_EQ(stroke(scene, 0.02, 0.02, 1, 1).synchronous_references, 0);
 }
 
 }  // namespace

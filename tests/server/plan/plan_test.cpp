@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "server/plan/plan_pilot.h"
+#include "server/plan/model_trial.h"
 #include "server/scene/scene_reader.h"
 #include "server/scene/scene_world.h"
 

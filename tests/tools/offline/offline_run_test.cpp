@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "server/scene/scene_reader.h"
-#include "tools/offline/local_model.h"
+#include "tools/offline/baseline_rendering.h"
 
 namespace hapticd {
 namespace {

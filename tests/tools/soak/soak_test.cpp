@@ -66,22 +66,22 @@ TEST(PublicTools, DdsperfsSecondsAreReadAndDoubled) {
 
 // Slices alike have one ratio. Where one of twenty holds all that is late, it is drawn now and then not at
 // all.
-TEST(Resample, ARatioStraysByTheSlicesThatBearIt) {
+TEST(Bootstrap, ARatioStraysByTheSlicesThatBearIt) {
   Tally even, late;
   even.add(10, 990);
   even.add(20, 10);
   const std::vector<Tally> alike(20, even);
-  const Interval none = resampled_ratio(alike, alike, 99.5).value();
+  const Interval none = bootstrap_ratio(alike, alike, 99.5).value();
   EXPECT_EQ(none.low, 1);
   EXPECT_EQ(none.high, 1);
   late.add(10, 700);
   late.add(1000, 300);
   std::vector<Tally> one(19, even);
   one.push_back(late);
-  const Interval wide = resampled_ratio(one, alike, 99.5).value();
+  const Interval wide = bootstrap_ratio(one, alike, 99.5).value();
   EXPECT_EQ(wide.low, 1);
   EXPECT_EQ(wide.high, 50);
-  EXPECT_FALSE(resampled_ratio({even}, alike, 99));
+  EXPECT_FALSE(bootstrap_ratio({even}, alike, 99));
 }
 
 TEST(Soak, DriftIsTheRatioOfMediansEitherWayRound) {
@@ -143,7 +143,7 @@ TEST(Soak, AShortOneGivesEveryFigureAndAVerdict) {
   for (const char* key : {"wake_p99", "wake_p99_9", "rtt_p50"})
     EXPECT_TRUE(j.at("ratio").contains(key)) << key;
   for (const char* key : {"wake_p99", "wake_p99_9"})
-    if (const auto& ends = j.at("ratio_strays").at(key); !ends.is_null()) {
+    if (const auto& ends = j.at("ratio_ci90").at(key); !ends.is_null()) {
       EXPECT_LE(ends.at(0), ends.at(1)) << key;
     }
   EXPECT_EQ(j.at("slots").at("scheduled"), 3000);

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "server/files/input_error.h"
-#include "server/plan/plan_pilot.h"
+#include "server/plan/model_trial.h"
 #include "server/plan/plan_stroke.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_bodies.h"

@@ -2,7 +2,7 @@
 //
 //   error   √(mean ‖f − f_ref‖²) / max ‖f_ref‖,  f at 1 kHz from offline_run.h, f_ref its reference at 1 ms,
 //           of the scene's whole model; and the jumps at swaps that the whole model does not have
-//           (plan_pilot.h)
+//           (model_trial.h)
 //   cost    CPU ms per simulation step: it, its haptic ticks and bases; the lesser of two runs
 //
 // The models: for each body that deforms within reach corotational, linear, linear and static (where it is

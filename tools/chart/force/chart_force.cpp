@@ -94,8 +94,8 @@ ForcePoint point_of(const ForceConfiguration& c, const OfflineInput& input, cons
   const double per_second = 1e3 / (input.to - input.from);
   p.simulation_ms_per_s = per_second * result.simulation.total;
   p.haptic_ms_per_s = per_second * result.haptic.total;
-  p.bases_ms_per_s = per_second * result.bases.total;
-  p.cpu_ms_per_s = p.simulation_ms_per_s + p.haptic_ms_per_s + p.bases_ms_per_s;
+  p.references_ms_per_s = per_second * result.bases.total;
+  p.cpu_ms_per_s = p.simulation_ms_per_s + p.haptic_ms_per_s + p.references_ms_per_s;
   p.simulation_step_ms_p50 = 1e3 * result.simulation.quantile(50);
   p.simulation_step_ms_p99 = 1e3 * result.simulation.quantile(99);
   p.interim_ms_p50 = 1e3 * result.interim.quantile(50);

@@ -36,7 +36,7 @@ struct ForcePoint {
   nlohmann::ordered_json config;
   std::string trajectory;
   int removals = 0;
-  double cpu_ms_per_s = 0, simulation_ms_per_s = 0, haptic_ms_per_s = 0, bases_ms_per_s = 0;
+  double cpu_ms_per_s = 0, simulation_ms_per_s = 0, haptic_ms_per_s = 0, references_ms_per_s = 0;
   double simulation_step_ms_p50 = 0, simulation_step_ms_p99 = 0;
   double interim_ms_p50 =
       0;  // from the begin of a step that removes something to its interim problem; 0: none

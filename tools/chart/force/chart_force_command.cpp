@@ -34,7 +34,7 @@ nlohmann::ordered_json to_json(const ForcePoint& p) {
                               {"cpu_ms_per_s", rounded(p.cpu_ms_per_s, 2)},
                               {"simulation_ms_per_s", rounded(p.simulation_ms_per_s, 2)},
                               {"haptic_ms_per_s", rounded(p.haptic_ms_per_s, 2)},
-                              {"bases_ms_per_s", rounded(p.bases_ms_per_s, 2)},
+                              {"references_ms_per_s", rounded(p.references_ms_per_s, 2)},
                               {"simulation_step_ms_p50", rounded(p.simulation_step_ms_p50, 3)},
                               {"simulation_step_ms_p99", rounded(p.simulation_step_ms_p99, 3)},
                               {"haptic_us_p99", rounded(p.haptic_us_p99, 1)},
@@ -132,7 +132,7 @@ std::string to_csv(const ForceChart& chart) {
   csv << csv_header;
   for (const ForcePoint& p : chart.points) {
     csv << '"' << p.label << "\"," << p.trajectory << ',' << p.removals << ',' << p.cpu_ms_per_s << ','
-        << p.simulation_ms_per_s << ',' << p.haptic_ms_per_s << ',' << p.bases_ms_per_s << ','
+        << p.simulation_ms_per_s << ',' << p.haptic_ms_per_s << ',' << p.references_ms_per_s << ','
         << p.haptic_us_p99 << ',' << p.error.rms_rel << ',' << p.error.max_rel << ','
         << p.error.swap_jump_p95_rel << ',' << p.error.buzz_rms_n << ',' << p.error.onset_ms << ','
         << p.error.penetration_um << ',' << p.memory_mb << ',';

@@ -57,7 +57,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
           "tolerance",
           "sweeps",
           "blend",
-          "base_after",
+          "reference_after",
           "interim",
           "interim_after",
           "refresh",
@@ -87,7 +87,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   if (y.has("tolerance")) c.options.tolerance = y.number("tolerance", positive);
   if (y.has("sweeps")) c.options.sweeps_only = y.whole("sweeps", 1, 100000);
   if (y.has("blend")) c.options.blend_time = y.number("blend", positive);
-  if (y.has("base_after")) c.options.base_after = y.number("base_after", positive);
+  if (y.has("reference_after")) c.options.reference_after = y.number("reference_after", positive);
   if (y.has("interim_after")) c.options.interim_after = y.number("interim_after", positive);
   if (!y.flag("interim", true)) c.options.interim_after.reset();
   if (!y.flag("refresh", true)) c.options.refresh_at.clear();

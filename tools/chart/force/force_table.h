@@ -8,7 +8,7 @@
 //
 // Keys: label, quick (also in a quick chart), rate [Hz], compliance, warping, contact, corotational, friction
 // (false: none anywhere), rendering, newest_pose, fresh_free_motion, lead [steps], viscous, linearisations,
-// tolerance, sweeps, blend [s], base_after [s], interim (false: removals are felt with the step's own
+// tolerance, sweeps, blend [s], reference_after [s], interim (false: removals are felt with the step's own
 // problem), interim_after [s], refresh (false: none after removals), meshes (body: file beside the table).
 // Units: SI. Errors: InputError with file, line and key.
 #pragma once

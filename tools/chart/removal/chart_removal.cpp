@@ -39,7 +39,7 @@ class Run {
     move_zone(tip);
     const auto begin = Clock::now();
     compliance_->update(state_);
-    if (method_.keeps_base || !method_.works_in_update) base_ms_.push_back(1e-3 * us_since(begin));
+    if (method_.keeps_reference || !method_.works_in_update) reference_ms_.push_back(1e-3 * us_since(begin));
     // The first calls fault their pages in.
     MatX block;
     for (int i = 0; i < 2; ++i) {
@@ -54,7 +54,7 @@ class Run {
     const auto begin = Clock::now();
     compliance_->remove(state_, std::span(&tet, 1));
     const double cost = us_since(begin);
-    if (method_.keeps_base)
+    if (method_.keeps_reference)
       for (const int n : model_.mesh.tets[tet])
         if (!model_.fixed[n] && !in_zone_[n]) {
           ++carried_;
@@ -69,13 +69,13 @@ class Run {
     const bool covered = std::all_of(patch.begin(), patch.end(), [&](int n) { return in_zone_[n] != 0; });
     if (covered && carried_ < most_carried) return 0;
     move_zone(tip);
-    if (!method_.keeps_base) return 0;
-    std::unique_ptr<ComplianceBase> base = compliance_->snapshot_base(state_);
+    if (!method_.keeps_reference) return 0;
+    std::unique_ptr<ReferenceFactor> base = compliance_->snapshot_reference(state_);
     auto begin = Clock::now();
     base->make();
-    base_ms_.push_back(1e-3 * us_since(begin));
+    reference_ms_.push_back(1e-3 * us_since(begin));
     begin = Clock::now();
-    compliance_->adopt_base(std::move(base), state_);
+    compliance_->adopt_reference(std::move(base), state_);
     adopt_us_.push_back(us_since(begin));
     carried_ = 0;
     return adopt_us_.back();
@@ -98,9 +98,10 @@ class Run {
   Compliance& compliance() { return *compliance_; }
   const TissueState& state() const { return state_; }
 
-  BaseCost base_cost() const {
-    BaseCost cost{method_.name, method_.order, model_.node_count(), static_cast<int>(base_ms_.size()), 0, 0};
-    cost.base_ms_median = median(base_ms_);
+  ReferenceCost reference_cost() const {
+    ReferenceCost cost{
+        method_.name, method_.order, model_.node_count(), static_cast<int>(reference_ms_.size()), 0, 0};
+    cost.reference_ms_median = median(reference_ms_);
     cost.adopt_us_max = quantiles(adopt_us_).max;
     return cost;
   }
@@ -122,7 +123,7 @@ class Run {
   std::unique_ptr<Compliance> compliance_;
   std::vector<std::uint8_t> in_zone_;
   int carried_ = 0;
-  std::vector<double> base_ms_, adopt_us_;
+  std::vector<double> reference_ms_, adopt_us_;
 };
 
 // What every method is compared with at the end of a point.
@@ -156,12 +157,12 @@ std::vector<ChartMethod> chart_methods() {
   ChartMethod zone = row("zone", "zone_last", ComplianceMethod::zone);
   exact.works_in_update = zone.works_in_update = true;
   ChartMethod updown = row("updown", "zone_last", ComplianceMethod::updown);
-  zone.keeps_base = updown.keeps_base = true;
+  zone.keeps_reference = updown.keeps_reference = true;
   ChartMethod metis = row("updown", "metis", ComplianceMethod::updown);
   metis.options.updown_order = NodeOrder::metis;
   const ChartMethod lazy = row("lazy", "zone_last", ComplianceMethod::lazy);
   ChartMethod rebased = row("lazy_rebased", "zone_last", ComplianceMethod::lazy);
-  rebased.options.lazy_rebase_after = 64;
+  rebased.options.lazy_reference_after = 64;
   rebased.works_in_update = true;
   rebased.most_nodes = 8000;
   ChartMethod dense = row("dense", "none", ComplianceMethod::dense);
@@ -283,7 +284,7 @@ RemovalChart chart_removals(const TissueModel& model, std::span<const ChartMetho
         const bool enough = steps.size() >= 2 && spent > 1e6 * settings.seconds_per_point;
         const bool timed = last || ((k - begin) % stride == stride / 2 && !enough);
         if (!method.works_in_update) updates.push_back(told);
-        if (!timed && !method.keeps_base) continue;
+        if (!timed && !method.keeps_reference) continue;
         const std::vector<int> patch = nearest_live_nodes(model, run.state(), tip, settings.patch_nodes);
         const double swap = run.follow(tip, patch);
         if (!timed) continue;
@@ -315,7 +316,7 @@ RemovalChart chart_removals(const TissueModel& model, std::span<const ChartMetho
       point.memory_mb = 1e-6 * static_cast<double>(run.compliance().report().memory_bytes);
       chart.points.push_back(point);
     }
-    if (const BaseCost cost = run.base_cost(); cost.made > 0) chart.bases.push_back(cost);
+    if (const ReferenceCost cost = run.reference_cost(); cost.made > 0) chart.bases.push_back(cost);
   }
   return chart;
 }

@@ -1,15 +1,14 @@
 // The paper's Fig. 4 for every compliance method: what a removal and a patch cost, over the number removed.
 //
-// A hole grows from the lens's anterior pole as a tip makes it: it stands, takes what is within one and a half
-// element lengths, nearest first, then goes on to the nearest element of the innermost shell around the pole
-// (two element lengths thick) that is not empty. The patch is the 60 live nodes nearest to the tip; when they
-// leave the zone, the zone (160 nodes) moves there. Methods that keep a base get the
-// new one between two removals, as if made by another thread: its making is counted apart (`base_ms`).
-// Costs: update_us is `remove`, and `update` where a method does the step's work there (exact, zone, lazy with
-// a cap); condense_us is `patch`. Every removal is told; update and patch are timed on removals evenly spread.
-// Error: ‖C_pp − oracle‖/‖oracle‖ on some columns of the patch, the oracle a fresh factor's solves refined
-// twice against an A that was assembled independently.
-// Units in the names.
+// A hole grows from the lens's anterior pole as a tip makes it: it stands, takes what is within one and a
+// half element lengths, nearest first, then goes on to the nearest element of the innermost shell around the
+// pole (two element lengths thick) that is not empty. The patch is the 60 live nodes nearest to the tip; when
+// they leave the zone, the zone (160 nodes) moves there. Methods that keep a base get the new one between two
+// removals, as if made by another thread: its making is counted apart (`reference_ms`). Costs: update_us is
+// `remove`, and `update` where a method does the step's work there (exact, zone, lazy with a cap);
+// condense_us is `patch`. Every removal is told; update and patch are timed on removals evenly spread. Error:
+// ‖C_pp − oracle‖/‖oracle‖ on some columns of the patch, the oracle a fresh factor's solves refined twice
+// against an A that was assembled independently. Units in the names.
 #pragma once
 
 #include <functional>
@@ -28,7 +27,7 @@ struct ChartMethod {
   ComplianceOptions options;
   int most_nodes = 0;       // not charted for larger bodies; 0: no limit
   bool works_in_update = false;
-  bool keeps_base = false;  // whose zone moves with a new base
+  bool keeps_reference = false;  // whose zone moves with a new base
 };
 
 // All rows of the chart, in the order of its legend.
@@ -48,17 +47,17 @@ struct RemovalPoint {
 };
 
 // What a base cost, over one run.
-struct BaseCost {
+struct ReferenceCost {
   std::string method, order;
   int nodes = 0;
   int made = 0;
-  double base_ms_median = 0;   // elsewhere
+  double reference_ms_median = 0;  // elsewhere
   double adopt_us_max = 0;     // in the step
 };
 
 struct RemovalChart {
   std::vector<RemovalPoint> points;
-  std::vector<BaseCost> bases;
+  std::vector<ReferenceCost> bases;
 };
 
 struct ChartSettings {

@@ -78,12 +78,12 @@ nlohmann::ordered_json to_json(const RemovalChart& chart, const std::vector<Char
       if (const auto at = crossing(chart.points, method, "lazy", n))
         json["crossings"].push_back({{"nodes", n}, {"method", method}, {"lazy_dearer_after", rounded(*at, 0)}});
   }
-  for (const BaseCost& b : chart.bases)
+  for (const ReferenceCost& b : chart.bases)
     json["bases"].push_back({{"method", b.method},
                              {"order", b.order},
                              {"nodes", b.nodes},
                              {"made", b.made},
-                             {"base_ms_median", rounded(b.base_ms_median, 2)},
+                             {"reference_ms_median", rounded(b.reference_ms_median, 2)},
                              {"adopt_us_max", rounded(b.adopt_us_max, 1)}});
   return json;
 }

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "physics/compliance/reference/node_turn.h"
+#include "physics/compliance/reference/warp_rotation.h"
 #include "tools/chart/removal/chart_removal.h"
 
 namespace hapticd {
@@ -124,8 +124,8 @@ std::vector<WarpingPoint> chart_warping(const TissueModel& held, const TissueMod
     const std::vector<int> patch = nearest_live_nodes(model, rest, shape.place, settings.patch_nodes);
     const int columns = std::min(settings.error_columns, 3 * static_cast<int>(patch.size()));
     const MatX oracle = oracle_columns(model, state, settings.h, patch, columns);
-    NodeTurn turn(model);
-    turn.set_base(rest.rotation);
+    WarpRotation turn(model);
+    turn.set_reference(rest.rotation);
     double largest = 0;
     for (const int n : patch) largest = std::max(largest, angle_of(turn(n, state)));
 

@@ -1,6 +1,6 @@
 // Whether warping pays: the error of C_pp with each kind of it and without, for shapes that turn the tissue.
 //
-//   C_ij ≈ Q_i C_ij(base) Q_jᵀ,   base at rest, Q the turns of the nodes since (node_turn.h)
+//   C_ij ≈ Q_i C_ij(base) Q_jᵀ,   base at rest, Q the turns of the nodes since (warp_rotation.h)
 //
 // A base is made of the lens at rest and the lens is then brought into a shape, without a new base:
 //   indentation  the linear answer to a force on the anterior pole (within 0.6 mm), scaled to a depth [mm]

@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "server/record/contact_capture_file.h"
-#include "tools/chart/solver/peer_solver.h"
+#include "tools/chart/solver/pgs_baseline.h"
 
 namespace hapticd {
 namespace {

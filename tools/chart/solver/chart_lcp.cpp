@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "physics/contact/solver/coulomb.h"
-#include "tools/chart/solver/peer_solver.h"
+#include "tools/chart/solver/pgs_baseline.h"
 
 namespace hapticd {
 namespace {

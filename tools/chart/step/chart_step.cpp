@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "haptic/loop.h"
-#include "server/app/base_maker.h"
+#include "server/app/reference_maker.h"
 #include "server/scene/scene_world.h"
 #include "tools/chart/step/travelling_tip.h"
 #include "tools/cli/report.h"
@@ -27,7 +27,7 @@ constexpr int fewest_steps = 10;
 
 void be_nice() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), 19); }
 
-bool keeps_bases(ComplianceMethod method) {
+bool keeps_references(ComplianceMethod method) {
   return method == ComplianceMethod::zone || method == ComplianceMethod::lazy;
 }
 
@@ -61,7 +61,7 @@ class StepRun {
       if (spent > case_.seconds && k >= fewest_steps) break;
       if (!progress(std::max(spent / case_.seconds, static_cast<double>(k + 1) / (warm_up + case_.steps))))
         break;
-      if (keeps_bases(case_.method)) intended = next(intended);
+      if (keeps_references(case_.method)) intended = next(intended);
     }
     return point();
   }
@@ -86,9 +86,9 @@ class StepRun {
     int asked = 0;
     times_.start();
     const std::int64_t begin = monotonic_ns();
-    while (std::optional<BaseJob> job = bases_.take()) world_->adopt(std::move(*job));
+    while (std::optional<ReferenceJob> job = bases_.take()) world_->adopt(std::move(*job));
     const StepReport report = world_->step([&] { return sample[std::min(asked++, 1)]; }, *problem_);
-    for (BaseJob& job : world_->wanted_bases()) bases_.give(std::move(job));
+    for (ReferenceJob& job : world_->wanted_references()) bases_.give(std::move(job));
     times_.enter(0);
     const std::int64_t spent = monotonic_ns() - begin;
     Step& done = done_.emplace_back();
@@ -99,7 +99,7 @@ class StepRun {
     done.contacts = report.contact.contacts;
     done.active = report.contact.active;
     point_.removed += report.removed;
-    point_.bases += report.bases_adopted;
+    point_.bases += report.references_adopted;
     point_.uncovered_steps += report.uncovered_nodes > 0;
   }
 
@@ -126,7 +126,7 @@ class StepRun {
     point_.patch_nodes = median(patch_nodes);
     point_.contacts = median(contacts);
     point_.active = median(active);
-    point_.base_ms_median = 1e-6 * bases_.make_time().snapshot().percentile(50);
+    point_.reference_ms_median = 1e-6 * bases_.make_time().snapshot().percentile(50);
     const Quantiles q = quantiles(ms);
     point_.step_ms_median = q.p50;
     point_.step_ms_p99 = q.p99;
@@ -141,7 +141,7 @@ class StepRun {
   PartTimes times_;
   std::unique_ptr<World> world_;
   std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
-  BaseMaker bases_;
+  ReferenceMaker bases_;
   struct Step {
     double ms = 0;
     StepParts parts_ms{};

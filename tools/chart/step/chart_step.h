@@ -47,7 +47,7 @@ struct StepPoint {
   int active = 0;       // … of them with a force, median
   int removed = 0;
   int bases = 0;
-  double base_ms_median = 0;  // on the other thread
+  double reference_ms_median = 0;  // on the other thread
   int uncovered_steps = 0;    // with patch nodes outside the zone
   int steps = 0;
   double step_ms_median = 0, step_ms_p99 = 0, step_ms_max = 0;

@@ -83,7 +83,7 @@ nlohmann::ordered_json to_json(const StepPoint& p) {
                                  {"steps", p.steps},
                                  {"removed", p.removed},
                                  {"bases", p.bases},
-                                 {"base_ms_median", rounded(p.base_ms_median, 2)},
+                                 {"reference_ms_median", rounded(p.reference_ms_median, 2)},
                                  {"uncovered_steps", p.uncovered_steps},
                                  {"step_ms_median", rounded(p.step_ms_median, 3)},
                                  {"step_ms_p99", rounded(p.step_ms_p99, 3)},

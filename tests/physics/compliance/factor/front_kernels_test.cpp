@@ -20,15 +20,15 @@ struct DenseFront {
   DenseFront(const MatX& A, int width_) : width(width_), size(static_cast<int>(A.rows())) {
     height = (size + row_multiple - 1) / row_multiple * row_multiple;
     stride = height + row_multiple;
-    origin = square_origin(width);
+    origin = contribution_origin(width);
     panel.assign(static_cast<std::size_t>(stride) * width + 8, 0.0);
-    square.assign(static_cast<std::size_t>(stride) * (size - width) + 8, 1e300);
+    contribution.assign(static_cast<std::size_t>(stride) * (size - width) + 8, 1e300);
     for (int j = 0; j < width; ++j)
       for (int i = j; i < size; ++i) entry(i, j) = A(i, j);
   }
 
   double& entry(int i, int j) {
-    return j < width ? panel[i + j * stride] : square[i - origin + (j - width) * stride];
+    return j < width ? panel[i + j * stride] : contribution[i - origin + (j - width) * stride];
   }
 
   bool run(const FrontKernels& kernels) {
@@ -36,16 +36,17 @@ struct DenseFront {
     FrontAhead nothing;
     if (!kernels.factor_panel(panel.data(), stride, height, width, reciprocal.data(), nothing)) return false;
     for (int j = 0; j < width; ++j) EXPECT_DOUBLE_EQ(reciprocal[j], 1 / entry(j, j));
-    kernels.make_square(panel.data(), stride, height, width, size, square.data(), stride, nothing);
+    kernels.make_contribution(panel.data(), stride, height, width, size, contribution.data(), stride,
+                              nothing);
     return true;
   }
 
   int width, size, height, stride, origin;
-  std::vector<double> panel, square;
+  std::vector<double> panel, contribution;
 };
 
 TEST(FrontKernels, AFrontByHand) {
-  // A = L Lᵀ with L = [2 .; 3 1] and a third row [4 5]: the square is −16 − 25.
+  // A = L Lᵀ with L = [2 .; 3 1] and a third row [4 5]: the contribution block is −16 − 25.
   const MatX A = (MatX(3, 3) << 4, 6, 8, 6, 10, 17, 8, 17, 50).finished();
   for (const FrontKernels* kernels : front_kernel_sets()) {
     SCOPED_TRACE(kernels->name);
@@ -88,21 +89,21 @@ TEST(FrontKernels, EveryWidthAndHeightEqualsTheDenseFactor) {
     }
 }
 
-// A child of 3 rows that are rows 1, 2 and 9 of its parent, its square [4 . .; 5 6 .; 7 8 9].
+// A child of 3 rows that are rows 1, 2 and 9 of its parent, its contribution block [4 . .; 5 6 .; 7 8 9].
 TEST(FrontKernels, AChildByHand) {
   constexpr double no = 1e300;  // above the diagonal: of no meaning
-  const std::vector<double> square = {4, 5, 7, no, no, 6, 8, no, no, no, 9, no, 0, 0, 0, 0, 0, 0, 0, 0};
+  const std::vector<double> contribution = {4, 5, 7, no, no, 6, 8, no, no, no, 9, no, 0, 0, 0, 0, 0, 0, 0, 0};
   const FrontChunk chunks[] = {{0, 0, 0b110}, {8, 2, 0b10}};
   for (const FrontKernels* kernels : front_kernel_sets()) {
     SCOPED_TRACE(kernels->name);
     alignas(64) double parent[10][16] = {};
-    kernels->add_child(square.data(), 4, chunks, chunks + 2, 0, 2, &parent[0][0], 16);
+    kernels->add_child(contribution.data(), 4, chunks, chunks + 2, 0, 2, &parent[0][0], 16);
     MatX expected = MatX::Zero(16, 10);
     expected(1, 1) = 4;
     expected(2, 1) = 5;
     expected(9, 1) = 7;
     EXPECT_EQ(Eigen::Map<const MatX>(&parent[0][0], 16, 10), expected);
-    kernels->add_child(square.data(), 4, chunks, chunks + 2, 2, 10, &parent[0][0], 16);
+    kernels->add_child(contribution.data(), 4, chunks, chunks + 2, 2, 10, &parent[0][0], 16);
     expected(2, 2) = 6;
     expected(9, 2) = 8;
     expected(9, 9) = 9;
@@ -125,14 +126,14 @@ TEST(FrontKernels, ChildrenOfAnyRowsEqualTheSumEntryByEntry) {
         chunks.back().mask |= 1U << row[k] % row_multiple;
       }
       const auto count = static_cast<Eigen::Index>(row.size());
-      const MatX square = MatX::Random(count + 8, count + 1);
+      const MatX contribution = MatX::Random(count + 8, count + 1);
       const int begin = static_cast<int>(random() % height);
       alignas(64) double parent[height][height] = {};
-      kernels->add_child(square.data(), count + 8, chunks.data(), chunks.data() + chunks.size(), begin,
+      kernels->add_child(contribution.data(), count + 8, chunks.data(), chunks.data() + chunks.size(), begin,
                          height, &parent[0][0], height);
       MatX expected = MatX::Zero(height, height);
       for (int j = 0; j < count; ++j)
-        for (int i = j; i < count && row[j] >= begin; ++i) expected(row[i], row[j]) = square(i, j);
+        for (int i = j; i < count && row[j] >= begin; ++i) expected(row[i], row[j]) = contribution(i, j);
       EXPECT_EQ(Eigen::Map<const MatX>(&parent[0][0], height, height), expected) << kernels->name;
     }
 }

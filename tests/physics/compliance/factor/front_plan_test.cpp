@@ -49,10 +49,11 @@ TEST(FrontPlan, SquaresThatLiveTogetherDoNotOverlapAndChunksKeepTheirUnknowns) {
     int child = 0;
     for (int s = 0; s < static_cast<int>(plan.fronts.size()); ++s) {
       const FrontPlan::Front& front = plan.fronts[s];
-      const std::ptrdiff_t end = front.square + front.square_stride * (front.size - front.width);
+      const std::ptrdiff_t end = front.contribution + front.contribution_stride * (front.size - front.width);
       EXPECT_LE(end, plan.workspace);
       for (const int other : living)
-        EXPECT_TRUE(end <= alive[other].first || front.square >= alive[other].second) << s << " " << other;
+        EXPECT_TRUE(end <= alive[other].first || front.contribution >= alive[other].second)
+            << s << " " << other;
       for (; child < front.children_end; ++child) {
         const int c = plan.children[child];
         std::erase(living, c);
@@ -70,7 +71,7 @@ TEST(FrontPlan, SquaresThatLiveTogetherDoNotOverlapAndChunksKeepTheirUnknowns) {
         }
         EXPECT_EQ(covered, from.size - from.width);
       }
-      alive[s] = {front.square, end};
+      alive[s] = {front.contribution, end};
       if (front.size > front.width) living.push_back(s);
     }
     EXPECT_TRUE(living.empty());

@@ -5,7 +5,7 @@
 
 #include "physics/compliance/compliance.h"
 #include "physics/compliance/element_term.h"
-#include "physics/compliance/reference/node_turn.h"
+#include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/system_matrix.h"
 #include "tests/physics/tissue/random_shapes.h"
 #include "tests/support/mesh_shapes.h"
@@ -55,14 +55,14 @@ TEST(ElementTerm, IsWhatTheAssemblyLosesWithTheElement) {
   }
 }
 
-TEST(NodeTurn, IsTheRotationOfARigidTurn) {
+TEST(WarpRotation, IsTheRotationOfARigidTurn) {
   const TissueModel model =
       make_tissue_model(box_mesh(size, 2, 2, 2), {3000, 0.45, 1000, 0, 0}, {}, Vec3::Zero());
   TissueState state = rest_state(model);
   std::mt19937 random(4);
   for (Mat3& R : state.rotation) R = random_rotation(random);
-  NodeTurn turn(model);
-  turn.set_base(state.rotation);
+  WarpRotation turn(model);
+  turn.set_reference(state.rotation);
   const Mat3 Q = Eigen::AngleAxisd(0.8, Vec3(3, -1, 2).normalized()).toRotationMatrix();
   for (Mat3& R : state.rotation) R = Q * R;
   for (int n = 0; n < model.node_count(); ++n) EXPECT_LT((turn(n, state) - Q).norm(), 1e-13);
@@ -97,14 +97,14 @@ TEST(UpdownCompliance, KnowsItsZoneAndMovesIt) {
   EXPECT_THROW(updown->patch(std::vector<int>{21}, block), std::invalid_argument);
   EXPECT_THROW(updown->move_zone(std::vector<int>{27}), std::invalid_argument);
   updown->update(state);
-  EXPECT_EQ(updown->report().base_age, 2);
+  EXPECT_EQ(updown->report().reference_age, 2);
   updown->move_zone(std::vector<int>{21});
   updown->update(state);
-  EXPECT_EQ(updown->report().base_age, 1);  // a new order is a new base
+  EXPECT_EQ(updown->report().reference_age, 1);  // a new order is a new reference factor
   updown->patch(std::vector<int>{21}, block);
   EXPECT_GT(block.determinant(), 0);
 
-  // Bent since the base: warping is not exact then, and the report says so.
+  // Bent since the reference factor: warping is not exact then, and the report says so.
   TissueState bent = state;
   for (int n = 0; n < model.node_count(); ++n)
     if (!model.fixed[n]) bent.x[n].x() += 4e-3 * std::pow(bent.x[n].z() / size.z(), 2);
@@ -113,7 +113,7 @@ TEST(UpdownCompliance, KnowsItsZoneAndMovesIt) {
   const ComplianceReport report = updown->report();
   EXPECT_NE(report.health, ComplianceHealth::good);
   EXPECT_GT(report.residual, 1e-3);
-  EXPECT_GT(report.rotation_since_base, 0.1);
+  EXPECT_GT(report.rotation_since_reference, 0.1);
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// Method zone against a dense inverse: exact while nothing has moved since the base, definite always.
+// Method zone against a dense inverse: exact while nothing has moved since the reference factor, definite
+// always.
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
@@ -8,7 +9,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "physics/compliance/reference/node_turn.h"
+#include "physics/compliance/reference/warp_rotation.h"
 #include "tests/physics/compliance/oracle.h"
 
 namespace hapticd {
@@ -72,7 +73,7 @@ TEST(ZoneCompliance, IsExactAtItsBaseForAnyZone) {
     expect_exact(model, state, *compliance, zone);
     // Nodes outside the zone are given too, mixed with fixed ones.
     expect_exact(model, state, *compliance, {5, 20, 33, 47, 48, 63});
-    EXPECT_LT(compliance->report().rotation_since_base, 1e-7);
+    EXPECT_LT(compliance->report().rotation_since_reference, 1e-7);
   }
 }
 
@@ -92,7 +93,7 @@ TEST(ZoneCompliance, RemovalAnywhereIsExactWhileNothingMoved) {
     remove(model, state, *compliance, {tets.begin() + 5, tets.begin() + 15});
     compliance->update(state);
     expect_exact(model, state, *compliance, zone);
-    EXPECT_EQ(compliance->report().removed_since_base, 15);
+    EXPECT_EQ(compliance->report().removed_since_reference, 15);
     // A patch across the zone's edge, with the terms.
     std::vector<int> wide = oracle::nearest(model, tip, 45);
     wide.erase(wide.begin(), wide.begin() + 20);
@@ -100,28 +101,28 @@ TEST(ZoneCompliance, RemovalAnywhereIsExactWhileNothingMoved) {
   }
 }
 
-// begin(b) is C b where the halves cover, on zone and ring, and finish(f) is C (b + f) for f there; carried
+// begin(b) is C b where the halves cover, on zone and halo, and finish(f) is C (b + f) for f there; carried
 // terms and turned tissue included. An update ends what was begun.
 TEST(ZoneCompliance, HalvesAreTheWhole) {
   const TissueModel model = box(4);
   const std::vector<int> near = oracle::nearest(model, tip, 45);
-  const std::vector<int> zone(near.begin(), near.begin() + 30), ring(near.begin() + 30, near.end());
-  for (const bool with_ring : {false, true}) {
+  const std::vector<int> zone(near.begin(), near.begin() + 30), halo(near.begin() + 30, near.end());
+  for (const bool with_halo : {false, true}) {
     TissueState state = deformed(model, 5);
     const auto compliance = zone_method(model, zone);
-    if (with_ring) compliance->move_ring(ring);
+    if (with_halo) compliance->move_halo(halo);
     compliance->update(state);
     const std::vector<int> gone = tets_where(model, zone, Where::across);
     remove(model, state, *compliance, {gone[0], gone[1]});
     for (Vec3& x : state.x) x = Eigen::AngleAxisd(0.3, Vec3::UnitX()) * x;
     update_rotations(model, state);
     compliance->update(state);
-    EXPECT_TRUE(compliance->halves_cover(with_ring ? near : zone));
+    EXPECT_TRUE(compliance->halves_cover(with_halo ? near : zone));
 
     const VecX b = VecX::Random(3 * model.node_count());
     VecX f = VecX::Zero(b.size()), y(b.size()), whole(b.size());
     for (const int n : {zone[0], zone[7], zone[29]}) f.segment<3>(3 * n) = Vec3(1, -2, 3);
-    if (with_ring) f.segment<3>(3 * ring[4]) = Vec3(-2, 0, 1);
+    if (with_halo) f.segment<3>(3 * halo[4]) = Vec3(-2, 0, 1);
     compliance->apply(b, whole);
     ASSERT_FALSE(compliance->begin(b, y));
     for (int n = 0; n < model.node_count(); ++n) {
@@ -149,17 +150,17 @@ TEST(ZoneCompliance, HalvesAreTheWhole) {
   }
 }
 
-// A ring changes no result: it is out of the zone.
+// A halo changes no result: it is out of the zone.
 TEST(ZoneCompliance, TheRingIsOutsideAndRight) {
   const TissueModel model = box(4);
   std::vector<int> near = oracle::nearest(model, tip, 60);
-  const std::vector<int> zone(near.begin(), near.begin() + 20), ring(near.begin() + 20, near.end());
+  const std::vector<int> zone(near.begin(), near.begin() + 20), halo(near.begin() + 20, near.end());
   TissueState state = deformed(model, 8);
   const auto compliance = zone_method(model, zone);
-  compliance->move_ring(ring);
+  compliance->move_halo(halo);
   compliance->update(state);
   EXPECT_TRUE(compliance->zone_covers(zone));
-  EXPECT_FALSE(compliance->zone_covers(std::vector<int>{ring[0]}));
+  EXPECT_FALSE(compliance->zone_covers(std::vector<int>{halo[0]}));
   expect_exact(model, state, *compliance, zone);
   expect_exact(model, state, *compliance, near);
   remove(model, state, *compliance, {tets_where(model, zone, Where::outside)[0]});
@@ -167,8 +168,9 @@ TEST(ZoneCompliance, TheRingIsOutsideAndRight) {
   expect_exact(model, state, *compliance, near);
 }
 
-// ‖C A y − y‖∞/‖y‖∞ against dense matrices: nothing at the base, and by how much the base is off later; and
-// where elements outside the zone have turned by a right angle, from 1 on, for some y: those errors grow.
+// ‖C A y − y‖∞/‖y‖∞ against dense matrices: nothing at the reference factor, and by how much the reference
+// factor is off later; and where elements outside the zone have turned by a right angle, from 1 on, for some
+// y: those errors grow.
 TEST(ZoneCompliance, DisagreementIsWhatRefinementWouldChange) {
   const TissueModel model = box(3);
   const std::vector<int> zone = oracle::nearest(model, tip, 12);
@@ -259,7 +261,7 @@ TEST(ZoneCompliance, ABodyCutInTwoAndAFragmentSuckedOut) {
   remove(model, state, *compliance, top);
   compliance->update(state);
   expect_exact(model, state, *compliance, zone, 1e-9);
-  EXPECT_TRUE(cut.wants_base);  // the cut is carried
+  EXPECT_TRUE(cut.wants_reference);  // the cut is carried
   // A fragment that goes whole adds no terms.
   EXPECT_EQ(compliance->report().memory_bytes, cut.memory_bytes);
 }
@@ -296,35 +298,36 @@ TEST(ZoneCompliance, RemovalsWhileABaseIsMadeAreCarriedOver) {
   compliance->update(state);
 
   compliance->move_zone(next);
-  auto base = compliance->snapshot_base(state);
+  auto reference = compliance->snapshot_reference(state);
   EXPECT_TRUE(compliance->zone_covers(zone));  // until it is adopted
   remove(model, state, *compliance, {6, 7, 201, 340, 350});
   compliance->update(state);
   expect_exact(model, state, *compliance, zone);
-  std::thread([&] { base->make(); }).join();
-  compliance->adopt_base(std::move(base), state);
+  std::thread([&] { reference->make(); }).join();
+  compliance->adopt_reference(std::move(reference), state);
   EXPECT_TRUE(compliance->zone_covers(next));
   EXPECT_FALSE(compliance->zone_covers(zone));
   EXPECT_THROW(compliance->report(), std::runtime_error);  // no update yet
   compliance->update(state);
   expect_exact(model, state, *compliance, next);
-  EXPECT_EQ(compliance->report().removed_since_base, 5);
-  EXPECT_EQ(compliance->report().base_age, 1);
-  // Once more, with the retired base freed on the way.
-  base = compliance->snapshot_base(state);
-  base->make();
-  compliance->adopt_base(std::move(base), state);
+  EXPECT_EQ(compliance->report().removed_since_reference, 5);
+  EXPECT_EQ(compliance->report().reference_age, 1);
+  // Once more, with the retired reference factor freed on the way.
+  reference = compliance->snapshot_reference(state);
+  reference->make();
+  compliance->adopt_reference(std::move(reference), state);
   compliance->update(state);
   expect_exact(model, state, *compliance, next);
-  EXPECT_EQ(compliance->report().removed_since_base, 0);
+  EXPECT_EQ(compliance->report().removed_since_reference, 0);
 }
 
 TEST(ZoneCompliance, RefusesABaseThatIsNotMade) {
   const TissueModel model = box(2);
   const auto compliance = zone_method(model, {});
   const TissueState state = rest_state(model);
-  EXPECT_THROW(compliance->adopt_base(compliance->snapshot_base(state), state), std::invalid_argument);
-  EXPECT_THROW(compliance->adopt_base(nullptr, state), std::invalid_argument);
+  EXPECT_THROW(compliance->adopt_reference(compliance->snapshot_reference(state), state),
+               std::invalid_argument);
+  EXPECT_THROW(compliance->adopt_reference(nullptr, state), std::invalid_argument);
   MatX block(3, 3);
   EXPECT_THROW(compliance->patch(std::vector<int>{20}, block), std::runtime_error);
   EXPECT_THROW(compliance->move_zone(std::vector<int>{27}), std::invalid_argument);
@@ -357,7 +360,7 @@ TEST(ZoneCompliance, IsDefiniteHoweverEverythingTurned) {
     }
     if (trial % 3 == 0) remove(model, state, *compliance, {tets[trial / 3]});
     compliance->update(state);
-    EXPECT_LE(compliance->report().base_age, trial + 2);
+    EXPECT_LE(compliance->report().reference_age, trial + 2);
     std::vector<int> live;
     for (const int n : zone)
       if (state.live_tets_of_node[n] > 0) live.push_back(n);
@@ -369,11 +372,11 @@ TEST(ZoneCompliance, IsDefiniteHoweverEverythingTurned) {
     const double bound = 1 / ((1 / (h * h) + model.material.rayleigh_mass / h) * least_mass);
     EXPECT_GT(eigen.eigenvalues().minCoeff(), 0);
     EXPECT_LE(eigen.eigenvalues().maxCoeff(), bound * (1 + 1e-9));
-    EXPECT_EQ(compliance->report().base_age, trial + 2) << "a new base was needed";
+    EXPECT_EQ(compliance->report().reference_age, trial + 2) << "a new base was needed";
   }
 }
 
-// A rigid turn of the whole floating body changes nothing but the axes: the warped base is exact.
+// A rigid turn of the whole floating body changes nothing but the axes: the warped reference factor is exact.
 TEST(ZoneCompliance, ARigidTurnNeedsNoNewBase) {
   const TissueModel model = box(3, 1, false);
   const std::vector<int> zone = oracle::nearest(model, tip, 20);
@@ -392,17 +395,17 @@ TEST(ZoneCompliance, ARigidTurnNeedsNoNewBase) {
     EXPECT_LT(errors.apply, 1e-9);
     EXPECT_LT(errors.patch, 1e-9);
     EXPECT_EQ(compliance->report().health, ComplianceHealth::good);
-    EXPECT_NEAR(compliance->report().rotation_since_base, warping == Warping::node ? 1.2 : 0.0, 1e-6);
-    EXPECT_EQ(compliance->report().wants_base, warping == Warping::node);
+    EXPECT_NEAR(compliance->report().rotation_since_reference, warping == Warping::node ? 1.2 : 0.0, 1e-6);
+    EXPECT_EQ(compliance->report().wants_reference, warping == Warping::node);
   }
 }
 
 // Pieces are followed through removals, mostly without finding them anew: the turns stay those of fresh
 // pieces.
-TEST(NodeTurn, PiecesAreFollowedThroughRemovals) {
+TEST(WarpRotation, PiecesAreFollowedThroughRemovals) {
   const TissueModel model = box(4, 1, false);
   TissueState state = rest_state(model);
-  NodeTurn followed(model);
+  WarpRotation followed(model);
   std::vector<int> order(model.tet_count());
   std::iota(order.begin(), order.end(), 0);
   std::mt19937 random(21);
@@ -413,7 +416,7 @@ TEST(NodeTurn, PiecesAreFollowedThroughRemovals) {
     remove_tets(model, state, std::vector<int>(order.begin() + i, order.begin() + i + 7));
     for (Mat3& R : state.rotation) R = random_rotation(random);
     followed.all(Warping::piece, state, Q);
-    NodeTurn fresh(model);
+    WarpRotation fresh(model);
     fresh.all(Warping::piece, state, expected);
     for (int n = 0; n < model.node_count(); ++n)
       ASSERT_LT((Q[n] - expected[n]).norm(), 1e-9) << i << " " << n;
@@ -446,9 +449,9 @@ TEST(ZoneCompliance, ANewBaseAtTheSameStateChangesNothing) {
   compliance->update(state);
   MatX before(90, 90);
   compliance->patch(zone, before);
-  auto base = compliance->snapshot_base(state);
-  base->make();
-  compliance->adopt_base(std::move(base), state);
+  auto reference = compliance->snapshot_reference(state);
+  reference->make();
+  compliance->adopt_reference(std::move(reference), state);
   compliance->update(state);
   MatX after(90, 90);
   compliance->patch(zone, after);
@@ -456,15 +459,15 @@ TEST(ZoneCompliance, ANewBaseAtTheSameStateChangesNothing) {
 }
 
 // Past what may be carried, removals wait in the stale far field, and the report says so; unless the method
-// may make a base on the spot.
+// may make a reference factor on the spot.
 TEST(ZoneCompliance, WhatIsNotCarriedIsReported) {
   const TissueModel model = box(4);
   const std::vector<int> zone = oracle::nearest(model, tip, 30);
   const std::vector<int> tets = tets_where(model, zone, Where::outside);
-  for (const bool on_the_spot : {false, true}) {
+  for (const bool synchronous : {false, true}) {
     ComplianceOptions options;
     options.most_carried = 8;
-    options.base_on_the_spot = on_the_spot;
+    options.synchronous_reference = synchronous;
     const auto compliance = zone_method(model, zone, options);
     TissueState state = deformed(model, 16);
     compliance->update(state);
@@ -473,9 +476,9 @@ TEST(ZoneCompliance, WhatIsNotCarriedIsReported) {
     expect_exact(model, state, *compliance, zone);
     remove(model, state, *compliance, {tets.begin() + 8, tets.begin() + 12});
     compliance->update(state);
-    if (on_the_spot) {
+    if (synchronous) {
       expect_exact(model, state, *compliance, zone);
-      EXPECT_EQ(compliance->report().removed_since_base, 0);
+      EXPECT_EQ(compliance->report().removed_since_reference, 0);
     } else {
       EXPECT_GT(errors_of(model, state, *compliance, zone).apply, 1e-3);
       EXPECT_NE(compliance->report().health, ComplianceHealth::good);
@@ -492,22 +495,24 @@ TEST(ZoneCompliance, HealthIsNeverOlderThanTheState) {
   options.sample_every = 100;
   const auto compliance = zone_method(model, zone, options);
   TissueState state = rest_state(model);
-  // Nothing is sampled in the step of a new base, and a sample is spread over the two steps after it.
-  for (const ComplianceHealth expected : {ComplianceHealth::rebase_wanted, ComplianceHealth::rebase_wanted,
-                                          ComplianceHealth::good, ComplianceHealth::good}) {
+  // Nothing is sampled in the step of a new reference factor, and a sample is spread over the two steps after
+  // it.
+  for (const ComplianceHealth expected :
+       {ComplianceHealth::new_reference_wanted, ComplianceHealth::new_reference_wanted,
+        ComplianceHealth::good, ComplianceHealth::good}) {
     compliance->update(state);
     EXPECT_EQ(compliance->report().health, expected);
   }
   state = deformed(model, 14);
   compliance->update(state);
-  EXPECT_EQ(compliance->report().health, ComplianceHealth::rebase_wanted);
+  EXPECT_EQ(compliance->report().health, ComplianceHealth::new_reference_wanted);
 }
 
-TEST(ZoneCompliance, RoundedBaseGivesTheSamePatch) {
+TEST(ZoneCompliance, QuantisedReferenceGivesTheSamePatch) {
   const TissueModel model = box(4);
   const std::vector<int> zone = oracle::nearest(model, tip, 30);
   ComplianceOptions options;
-  options.rounded_base = true;
+  options.quantised_reference = true;
   const auto compliance = zone_method(model, zone, options);
   TissueState state = deformed(model, 15);
   compliance->update(state);

@@ -207,7 +207,7 @@ TEST_P(FreeBody, RestsWhenItIsLetGo) {
   const auto problem = std::make_unique<CondensedProblem>();
   double before = 0, most = 0, rise = 0;
   for (int k = 0; k < 200; ++k) {
-    for (BaseJob& job : world.wanted_bases()) {
+    for (ReferenceJob& job : world.wanted_references()) {
       job.base->make();
       world.adopt(std::move(job));
     }

@@ -8,7 +8,7 @@
 #include <memory>
 #include <utility>
 
-#include "physics/simulation/step/look_ahead.h"
+#include "physics/simulation/step/predicted_linearisation.h"
 #include "physics/simulation/world.h"
 #include "tests/support/mesh_shapes.h"
 
@@ -108,8 +108,8 @@ TEST_P(Without, IsTheSystemCondensedAfreshWithoutThem) {
   int kept = 0;
   const std::vector<int> nodes = nodes_of_interest(body, tets, kept);
   Condensed interim;
-  ASSERT_TRUE(condense_without(body, tets, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
-                               VecX::Zero(3 * nodes.size()), 0, interim));
+  ASSERT_TRUE(woodbury_downdate(body, tets, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
+                                VecX::Zero(3 * nodes.size()), 0, interim));
 
   remove_from(other, tets);
   linearise(other);
@@ -149,8 +149,8 @@ TEST(Interim, OfABodyThatLosesNothingIsItsPlainProblem) {
       VecX force(3 * kept);
       for (int i = 0; i < 3 * kept; ++i) force[i] = 1e-3 * std::sin(i);
       Condensed interim;
-      ASSERT_TRUE(condense_without(body, {}, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes, kept,
-                                   force, 0, interim));
+      ASSERT_TRUE(woodbury_downdate(body, {}, {}, ahead ? Linearised::ahead : Linearised::here, h, nodes,
+                                    kept, force, 0, interim));
       MatX C(3 * kept, 3 * kept);
       body.compliance->patch(nodes, C);
       VecX dx(3 * kept);
@@ -173,12 +173,12 @@ TEST(Interim, OfNodesThatTheZoneDoesNotCoverThereIsNone) {
   int kept = 0;
   const std::vector<int> nodes = nodes_of_interest(body, tets, kept);
   Condensed interim;
-  EXPECT_FALSE(condense_without(body, tets, {}, Linearised::here, h, nodes, kept,
-                                VecX::Zero(3 * nodes.size()), 0, interim));
+  EXPECT_FALSE(woodbury_downdate(body, tets, {}, Linearised::here, h, nodes, kept,
+                                 VecX::Zero(3 * nodes.size()), 0, interim));
 }
 
 // Sheared by `angle` above where it is, foreseen.
-void look_ahead_to(Body& body, double angle) {
+void predict_linearisation_at(Body& body, double angle) {
   for (int n = 0; n < body.model.node_count(); ++n)
     body.dx_free.segment<3>(3 * n) =
         body.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(angle * body.rest[n].z() * Vec3(1, 0.3, -0.2));
@@ -192,21 +192,21 @@ std::vector<int> all_nodes(const Body& body) {
 }
 
 // With rotations held a body is linear, whatever it was linearised at: all that counts is the rotations.
-TEST(Turned, AllOfThemAreABodyLinearisedThere) {
+TEST(StaleRotation, AllOfThemAreABodyLinearisedThere) {
   Body body(soft_block(3, true), h, gravity), other(soft_block(3, true), h, gravity);
   const std::vector<int> nodes = all_nodes(body);
   for (Body* b : {&body, &other}) {
     disturb(*b);
     b->compliance->move_zone(nodes);
   }
-  look_ahead_to(body, 0.05);
-  look_ahead_to(other, 0.4);
-  std::vector<Turned> turned;
-  for (int t = 0; t < body.model.tet_count(); ++t) turned.push_back({t, other.state.rotation[t]});
+  predict_linearisation_at(body, 0.05);
+  predict_linearisation_at(other, 0.4);
+  std::vector<StaleRotation> stale;
+  for (int t = 0; t < body.model.tet_count(); ++t) stale.push_back({t, other.state.rotation[t]});
   const int count = static_cast<int>(nodes.size());
   Condensed condensed;
-  ASSERT_TRUE(condense_without(body, {}, turned, Linearised::ahead, h, nodes, count, VecX::Zero(3 * count), 0,
-                               condensed));
+  ASSERT_TRUE(woodbury_downdate(body, {}, stale, Linearised::ahead, h, nodes, count, VecX::Zero(3 * count), 0,
+                                condensed));
   MatX C(3 * count, 3 * count);
   other.compliance->patch(nodes, C);
   EXPECT_LT((condensed.C - C).norm(), 1e-9 * C.norm());
@@ -225,18 +225,18 @@ TEST(Turned, AllOfThemAreABodyLinearisedThere) {
   EXPECT_LT((body.dx_free + moved - expected).norm(), 1e-9 * expected.norm());
 }
 
-TEST(Turned, ARigidTurnIsFoundAndRestIsNot) {
+TEST(StaleRotation, ARigidTurnIsFoundAndRestIsNot) {
   Body body(soft_block(3, true), h, gravity);
   body.compliance->move_zone(all_nodes(body));
   body.compliance->update(body.state);
   VecX dx = VecX::Zero(3 * body.model.node_count());
-  EXPECT_TRUE(turned_elements(body, dx, 1e-12).empty());
+  EXPECT_TRUE(stale_rotations(body, dx, 1e-12).empty());
   const Mat3 turn = Eigen::AngleAxisd(0.3, Vec3(1, 2, 2).normalized()).matrix();
   for (int n = 0; n < body.model.node_count(); ++n)
     if (!body.model.fixed[n]) dx.segment<3>(3 * n) = turn * body.rest[n] - body.rest[n];
   int whole = 0, nodes = 0;
   std::vector<int> named(body.state.x.size(), 0);
-  for (const Turned& t : turned_elements(body, dx, 1e-12)) {
+  for (const StaleRotation& t : stale_rotations(body, dx, 1e-12)) {
     const Tet& tet = body.model.mesh.tets[t.tet];
     for (const int n : tet) nodes += std::exchange(named[n], 1) == 0;
     if (std::any_of(tet.begin(), tet.end(), [&](int n) { return body.model.fixed[n] != 0; })) continue;
@@ -244,7 +244,7 @@ TEST(Turned, ARigidTurnIsFoundAndRestIsNot) {
     EXPECT_LT((t.R - turn).norm(), 1e-9);
   }
   EXPECT_GT(whole, 0);
-  EXPECT_LE(nodes, most_turned_nodes);
+  EXPECT_LE(nodes, most_stale_nodes);
 }
 
 class PressedWorld : public testing::Test {

@@ -48,8 +48,8 @@ TEST(Removal, CapsuleLiesAlongItsAxis) {
   const Pose X{Vec3(-5e-4, 0, 5e-4), Quat::Identity()};
   EXPECT_TRUE(intersects(corner, capsule(5.02e-4, 1e-3), X, 0));
   EXPECT_FALSE(intersects(corner, capsule(4.98e-4, 1e-3), X, 0));
-  const Pose turned{X.p, Quat(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitY()))};
-  EXPECT_TRUE(intersects(corner, capsule(1e-5, 6e-4), turned, 0));
+  const Pose stale{X.p, Quat(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitY()))};
+  EXPECT_TRUE(intersects(corner, capsule(1e-5, 6e-4), stale, 0));
 }
 
 // Against sampling: the exact test must find every tetrahedron with a sampled point inside the tip,

@@ -12,7 +12,7 @@
 #include "physics/contact/solver/coulomb.h"
 #include "tests/support/contact_problems.h"
 #include "tests/tools/run_command.h"
-#include "tools/chart/solver/peer_solver.h"
+#include "tools/chart/solver/pgs_baseline.h"
 
 namespace hapticd {
 namespace {

@@ -28,7 +28,7 @@ TEST(Siconos, AgreesOnGeneratedHardProblems) { GTEST_SKIP() << "libsiconos-numer
 #include "server/scene/scene_reader.h"
 #include "server/scene/scene_world.h"
 #include "tools/chart/solver/contact_sequence.h"
-#include "tools/chart/solver/peer_solver.h"
+#include "tools/chart/solver/pgs_baseline.h"
 
 namespace hapticd {
 namespace {

@@ -1,0 +1,99 @@
+#include "physics/compliance/zone/far_field_updates.h"
+
+namespace hapticd {
+
+void FarFieldUpdates::clear(int dofs) {
+  terms_.clear();
+  columns_ = 0;
+  X_.setZero(dofs, 12);
+}
+
+bool FarFieldUpdates::change(LeadingColumns& panels, const ElementTerm& term, std::span<const int> places,
+                             Sign sign, MatX& S_out) {
+  const int rank = term.rank;
+  if (rank == 0) return true;
+  const int rest = panels.rest_dofs();
+  std::vector<int> nonzero;
+  for (int c = 0; c < term.corners; ++c)
+    for (int r = 0; r < 3; ++r) {
+      nonzero.push_back(3 * places[c] + r);
+      X_.row(nonzero.back()).head(rank) = term.V.row(3 * c + r).head(rank);
+    }
+  X_.conservativeResize(Eigen::NoChange, rank);
+
+  Term next;
+  next.first = columns_;
+  panels.forward_sparse(X_, nonzero, next.row);
+  next.Y = X_(next.row, Eigen::all);
+  next.v = X_.bottomRows(S_out.rows());
+  MatX D = -next.Y.transpose() * next.Y;
+  D.diagonal().array() += sign == Sign::take_out ? 1.0 : -1.0;
+  next.W.resize(columns_, rank);
+  MatX t(columns_, rank);  // t_ij of all earlier i, stacked; t_kiᵀ D_k⁻¹ t_kj = W_kiᵀ t_kj
+  for (const Term& earlier : terms_) {
+    const Eigen::Index width = earlier.Y.cols();
+    auto own = t.middleRows(earlier.first, width);
+    own.noalias() = -earlier.Y.transpose() * X_(earlier.row, Eigen::all);
+    own.noalias() -= earlier.W.transpose() * t.topRows(earlier.first);
+    next.W.middleRows(earlier.first, width) = solved(earlier, own);
+    next.v.noalias() -= earlier.v * next.W.middleRows(earlier.first, width);
+  }
+  D.noalias() -= t.transpose() * next.W;
+
+  for (const int row : next.row) X_.row(row).setZero();
+  X_.bottomRows(X_.rows() - rest).setZero();
+  X_.conservativeResize(Eigen::NoChange, 12);
+  X_.rightCols(12 - rank).setZero();
+
+  next.sign = sign == Sign::take_out ? 1.0 : -1.0;
+  next.D.compute(next.sign * D);
+  if (next.D.info() != Eigen::Success || !next.v.allFinite()) return false;
+  const MatX half = next.D.matrixL().solve(MatX(next.v.transpose()));
+  S_out.selfadjointView<Eigen::Lower>().rankUpdate(half.transpose(), -next.sign);
+  columns_ += rank;
+  terms_.push_back(std::move(next));
+  return true;
+}
+
+void FarFieldUpdates::before_corner(const Eigen::Ref<const MatX>& X, MatX& g, Eigen::Ref<MatX> corner) const {
+  g.resize(columns_, X.cols());
+  for (const Term& term : terms_) {
+    const Eigen::Index rank = term.Y.cols();
+    auto own = g.middleRows(term.first, rank);
+    own.noalias() = -term.Y.transpose() * X(term.row, Eigen::all);
+    own.noalias() -= term.W.transpose() * g.topRows(term.first);
+    corner.noalias() -= term.v * solved(term, own);
+  }
+}
+
+void FarFieldUpdates::after_corner(const Eigen::Ref<const MatX>& corner, MatX& g, Eigen::Ref<MatX> X) const {
+  for (const Term& term : terms_) {
+    auto own = g.middleRows(term.first, term.Y.cols());
+    own.noalias() -= term.v.transpose() * corner;
+    own = solved(term, own);
+  }
+  for (auto term = terms_.rbegin(); term != terms_.rend(); ++term) {
+    const auto own = g.middleRows(term->first, term->Y.cols());
+    g.topRows(term->first).noalias() -= term->W * own;
+    const MatX change = term->Y * own;
+    for (Eigen::Index k = 0; k < X.cols(); ++k)
+      for (std::size_t i = 0; i < term->row.size(); ++i) X(term->row[i], k) -= change(i, k);
+  }
+}
+
+void FarFieldUpdates::add_energy(const MatX& g, MatX& C) const {
+  for (const Term& term : terms_) {
+    const auto own = g.middleRows(term.first, term.Y.cols());
+    C.noalias() += own.transpose() * solved(term, own);
+  }
+}
+
+std::size_t FarFieldUpdates::memory_bytes() const noexcept {
+  std::size_t bytes = 0;
+  for (const Term& t : terms_)
+    bytes += t.row.size() * sizeof(int) +
+             sizeof(double) * static_cast<std::size_t>(t.Y.size() + t.v.size() + t.W.size());
+  return bytes;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,32 @@
+// What a contact solve let through the instrument, because no row was there to hold it.
+//
+//   gap(s_lin) ≥ held, hence no row, but   gap(s_lin) + n·(s_end − s_lin) + J_n (X_end ⊖ X_lin) < −allowed
+//
+// allowed is 0 where gap(s_lin) < margin: a solve of fewer rows (held < margin) that lets nothing through is
+// the solve of all up to the margin, the rows left out having no force and no overlap. It is the margin
+// beyond that, for tissue alone. Linearised where it came from: the true gap at the end does not tell, for
+// what has passed through is outside again, or met by normals of the instrument's far side. Gaps change by no
+// more than points move: a solve that moved nothing by `held` (twice the margin, where that is what was held)
+// is not looked at further.
+// Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
+#pragma once
+
+#include "physics/contact/placed_instrument.h"
+#include "physics/contact/rows.h"
+
+namespace hapticd {
+
+inline constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
+
+// Gap of the sample that is at s, linearised there, at the end; moved = X_end ⊖ X_lin.
+inline double gap_reached(const CondensedProblem& problem, int sample, const Vec3& s, const Gap& gap,
+                          const Pose& X_lin, const Vec6& moved, const PatchPositions& x_end) noexcept {
+  const Vec3 instrument = moved.head<3>() + moved.tail<3>().cross(s - X_lin.p);
+  return gap.distance + gap.normal.dot(sample_position(problem, x_end, sample) - s - instrument);
+}
+
+bool violates_inactive_contact(const CondensedProblem& problem, const Instrument& instrument,
+                               const Pose& X_lin, const PatchPositions& x_lin, double held, double margin,
+                               const Reached& end) noexcept;
+
+}  // namespace hapticd

@@ -1,0 +1,230 @@
+#include "physics/simulation/body_contact/contact_candidates.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+namespace hapticd {
+namespace {
+
+constexpr double looks_the_same_way = 0.2;  // n_face · n_node
+
+using Box = Eigen::AlignedBox3d;
+
+std::array<Vec3, 3> corners(const Triangle& t, std::span<const Vec3> x) {
+  return {x[t[0]], x[t[1]], x[t[2]]};
+}
+
+Box box_of(const std::array<Vec3, 3>& x) {
+  Box box(x[0]);
+  box.extend(x[1]);
+  box.extend(x[2]);
+  return box;
+}
+
+// A uniform grid over a box: cells of a point and of a box, clamped to it.
+struct Grid {
+  Vec3 low;
+  Vec3 per_length;  // cells per metre
+  Eigen::Array3i size;
+
+  Grid(const Box& box, double cell) : low(box.min()) {
+    for (int d = 0; d < 3; ++d) {
+      const double length = std::max(box.sizes()[d], 1e-12);
+      size[d] = std::clamp(static_cast<int>(length / cell), 1, 32);
+      per_length[d] = size[d] / length;
+    }
+  }
+  Eigen::Array3i cell_of(const Vec3& p) const {
+    const Eigen::Array3d at = ((p - low).array() * per_length.array()).floor();
+    return at.max(0.0).min((size - 1).cast<double>()).cast<int>();
+  }
+  template <typename Visit>
+  void cells_of(const Box& box, const Visit& visit) const {
+    const Eigen::Array3i a = cell_of(box.min()), b = cell_of(box.max());
+    for (int k = a[2]; k <= b[2]; ++k)
+      for (int j = a[1]; j <= b[1]; ++j)
+        for (int i = a[0]; i <= b[0]; ++i) visit(i + size[0] * (j + size[1] * k));
+  }
+};
+
+}  // namespace
+
+void SurfaceNormals::set_surface(const Body& body) {
+  const auto& faces = body.surface.faces();
+  nodes.clear();
+  across.assign(faces.size(), {-1, -1, -1});
+  struct Edge {
+    int low, high, face, opposite;
+  };
+  std::vector<Edge> edges;
+  for (int f = 0; f < static_cast<int>(faces.size()); ++f)
+    for (int c = 0; c < 3; ++c) {
+      const int a = faces[f].nodes[(c + 1) % 3], b = faces[f].nodes[(c + 2) % 3];
+      edges.push_back({std::min(a, b), std::max(a, b), f, c});
+      nodes.push_back(faces[f].nodes[c]);
+    }
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) {
+    return std::tie(a.low, a.high, a.face) < std::tie(b.low, b.high, b.face);
+  });
+  for (std::size_t i = 0; i < edges.size();) {
+    std::size_t end = i;
+    while (end < edges.size() && edges[end].low == edges[i].low && edges[end].high == edges[i].high) ++end;
+    // Where pieces hang together by an edge alone, four faces share it and none is the other's neighbour.
+    if (end - i == 2) {
+      across[edges[i].face][edges[i].opposite] = edges[i + 1].face;
+      across[edges[i + 1].face][edges[i + 1].opposite] = edges[i].face;
+    }
+    i = end;
+  }
+}
+
+void SurfaceNormals::follow(const Body& body) {
+  const auto& faces = body.surface.faces();
+  face.resize(faces.size());
+  node.assign(body.state.x.size(), Vec3::Zero());
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    const std::array<Vec3, 3> x = corners(faces[f].nodes, body.state.x);
+    face[f] = (x[1] - x[0]).cross(x[2] - x[0]).stableNormalized();
+    for (int c = 0; c < 3; ++c) {
+      const Vec3 u = x[(c + 1) % 3] - x[c], v = x[(c + 2) % 3] - x[c];
+      node[faces[f].nodes[c]] += std::atan2(u.cross(v).norm(), u.dot(v)) * face[f];
+    }
+  }
+  for (const int n : nodes) node[n].stableNormalize();
+}
+
+ContactFace SurfaceNormals::contact_face(const Body& body, int f, const std::array<Vec3, 3>& x) const {
+  ContactFace out;
+  out.x = x;
+  for (int c = 0; c < 3; ++c) {
+    const int other = across[f][c];
+    out.edge[c] = other < 0 ? face[f] : (face[f] + face[other]).stableNormalized();
+    out.corner[c] = node[body.surface.faces()[f].nodes[c]];
+  }
+  return out;
+}
+
+Vec3 SurfaceNormals::feature(const Body& body, int f, const std::array<double, 3>& w) const {
+  const int zeros = (w[0] == 0) + (w[1] == 0) + (w[2] == 0);
+  for (int c = 0; c < 3; ++c) {
+    if (zeros == 1 && w[c] == 0 && across[f][c] >= 0) return face[f] + face[across[f][c]];
+    if (zeros == 2 && w[c] != 0) return node[body.surface.faces()[f].nodes[c]];
+  }
+  return face[f];
+}
+
+void ContactCandidateFinder::surface_changed(int body) {
+  if (body < static_cast<int>(changed_.size())) changed_[body] = 1;
+}
+
+void ContactCandidateFinder::follow(const Bodies& bodies) {
+  if (normals_.empty()) {
+    normals_.resize(bodies.size());
+    changed_.assign(bodies.size(), 0);
+    for (const ContactPair& p : pairs_) changed_[p.points] = changed_[p.faces] = 1;
+  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const bool named = std::any_of(pairs_.begin(), pairs_.end(), [&](const ContactPair& p) {
+      return p.points == static_cast<int>(b) || p.faces == static_cast<int>(b);
+    });
+    if (!named) continue;
+    if (changed_[b]) normals_[b].set_surface(bodies[b]);
+    const bool moves = bodies[b].deformable && !bodies[b].asleep;
+    if (changed_[b] || moves || normals_[b].node.empty()) normals_[b].follow(bodies[b]);
+    changed_[b] = 0;
+  }
+}
+
+void ContactCandidateFinder::find(const Bodies& bodies, int pair, const Positions& positions,
+                                  const Margin& margin, double depth, double moved, double slack,
+                                  std::vector<ContactCandidate>& out) {
+  const ContactPair& p = pairs_[pair];
+  const SurfaceNormals &own = normals_[p.points], &theirs = normals_[p.faces];
+  const auto& faces = bodies[p.faces].surface.faces();
+  const std::span<const Vec3> x = positions(p.points), y = positions(p.faces);
+  const auto &start = bodies[p.points].state.x, &other_start = bodies[p.faces].state.x;
+  if (own.nodes.empty() || faces.empty()) return;
+
+  const double deepest = depth + moved;
+  double reach = deepest;
+  Box points;
+  std::vector<std::pair<int, double>> asked;
+  for (const int n : own.nodes) {
+    const double m = margin(pair, n);
+    if (!std::isfinite(m)) continue;
+    asked.emplace_back(n, m);
+    reach = std::max(reach, m);
+    points.extend(x[n]);
+  }
+  if (asked.empty()) return;
+  const Box overlap(points.min() - Vec3::Constant(reach), points.max() + Vec3::Constant(reach));
+
+  std::vector<int> near;
+  std::vector<Box> boxes;
+  double extent = 0;
+  for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
+    const Box box = box_of(corners(faces[f].nodes, y));
+    if (!overlap.intersects(box)) continue;
+    near.push_back(f);
+    boxes.push_back(box);
+    extent += box.diagonal().norm();
+  }
+  if (near.empty()) return;
+  extent /= static_cast<double>(near.size());
+  const Grid grid(overlap, std::max(extent, reach));
+
+  cell_start_.assign(grid.size.prod() + 1, 0);
+  for (const Box& box : boxes) grid.cells_of(box, [&](int cell) { ++cell_start_[cell + 1]; });
+  for (std::size_t c = 1; c < cell_start_.size(); ++c) cell_start_[c] += cell_start_[c - 1];
+  cell_face_.resize(cell_start_.back());
+  std::vector<int> fill(cell_start_.begin(), cell_start_.end() - 1);
+  for (std::size_t k = 0; k < near.size(); ++k)
+    grid.cells_of(boxes[k], [&](int cell) { cell_face_[fill[cell]++] = static_cast<int>(k); });
+
+  struct Seen {
+    int face;
+    double distance;
+    double gap;
+  };
+  std::vector<Seen> seen;
+  std::vector<int> visited(near.size(), -1);
+  for (const auto& [node, m] : asked) {
+    seen.clear();
+    const double radius = std::max(m, deepest);
+    const Box around(x[node] - Vec3::Constant(radius), x[node] + Vec3::Constant(radius));
+    double nearest = std::numeric_limits<double>::infinity(), gap = nearest;
+    grid.cells_of(around, [&](int cell) {
+      for (int i = cell_start_[cell]; i < cell_start_[cell + 1]; ++i) {
+        const int k = cell_face_[i];
+        if (visited[k] == node || !around.intersects(boxes[k])) continue;
+        visited[k] = node;
+        const int f = near[k];
+        if (theirs.face[f].dot(own.node[node]) > looks_the_same_way) continue;
+        if (theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]) < -depth) continue;
+        const std::array<Vec3, 3> c = corners(faces[f].nodes, y);
+        const auto w = nearest_on_triangle(x[node], c);
+        const double distance = (x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2])).norm();
+        if (distance > radius) continue;
+        const double side =
+            theirs.feature(bodies[p.faces], f, w).dot(x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2]));
+        seen.push_back({f, distance, side < 0 ? -distance : distance});
+        if (distance < nearest) {
+          nearest = distance;
+          gap = seen.back().gap;
+        }
+      }
+    });
+    if (seen.empty() || !(gap < m)) continue;
+    ContactCandidate e{pair, node, m, gap, {}, {}};
+    for (const Seen& s : seen)
+      if (s.distance <= nearest + std::max(m, slack)) e.faces.push_back(s.face);
+    std::sort(e.faces.begin(), e.faces.end());
+    out.push_back(std::move(e));
+  }
+}
+
+}  // namespace hapticd

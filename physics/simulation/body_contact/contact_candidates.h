@@ -1,0 +1,91 @@
+// Which surface nodes of one body may touch which faces of another in this step.
+//
+// A pair of bodies is opt-in, and one-sided: the first's surface nodes against the second's faces. Name the
+// finer one first; name the pair both ways where neither is finer. Nodes are fixed in the material, so a
+// contact is found again from step to step by (pair, node), whatever faces it slides over.
+//   broad phase    boxes of the two surfaces, then a uniform grid over the faces in their overlap
+//   narrow phase   distance to each face of the neighbouring cells, sign of its plane
+// No ghosts: a face that looks the same way as the node's own surface (n_face · n_node > 0.2) is the far side
+// of a wall or the inside of a body and never touches; a node that has sunk in is still held by the faces it
+// came through, not pushed out at the back. Nodes deeper than `depth` behind a face at the start of the step
+// do not see it, wherever the step takes them.
+// A node that is inside leaves through a face that it was in front of when the step began: near a convex edge
+// the nearest face would change from one linearisation to the next.
+// A node meets all faces no farther than its margin, or `slack`, beyond the nearest one: it may slide to
+// them. Units: m. Errors: none. Allocates: for the simulation thread only. Cost: linear in faces and nodes of
+// the pairs named; nothing without pairs.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "physics/simulation/body.h"
+#include "physics/simulation/body_contact/vertex_face_contact.h"
+
+namespace hapticd {
+
+// Nodes of body `points` against faces of body `faces`.
+struct ContactPair {
+  int points = 0;
+  int faces = 0;
+  double friction = 0;  // Coulomb's μ of the pair
+};
+
+// A node and the faces that it may touch.
+struct ContactCandidate {
+  int pair;
+  int node;
+  double margin;           // gap below which it matters [m]
+  double gap;              // to the nearest face where it was found, then at the start of the step [m]
+  std::vector<int> faces;  // into the surface's faces(), ascending
+  std::vector<int> open;   // those that it was in front of when the step began; all, if there are none
+};
+
+// Normals of a body's surface, at the positions of the last `follow`.
+struct SurfaceNormals {
+  std::vector<int> nodes;                  // on the surface, ascending
+  std::vector<std::array<int, 3>> across;  // per face: the face over the edge opposite each corner, or −1
+  std::vector<Vec3> face;                  // unit
+  std::vector<Vec3> node;                  // angle-weighted, unit, per mesh node
+
+  void set_surface(const Body& body);
+  void follow(const Body& body);
+  // (Pseudo-)normal at the feature of a face that these weights lie on; not unit on an edge.
+  Vec3 feature(const Body& body, int face, const std::array<double, 3>& weight) const;
+  ContactFace contact_face(const Body& body, int face, const std::array<Vec3, 3>& x) const;
+};
+
+// Positions of one body's nodes.
+using Positions = std::function<std::span<const Vec3>(int body)>;
+using Margin = std::function<double(int pair, int node)>;
+
+class ContactCandidateFinder {
+ public:
+  explicit ContactCandidateFinder(std::vector<ContactPair> pairs) : pairs_(std::move(pairs)) {}
+
+  std::span<const ContactPair> pairs() const { return pairs_; }
+  const SurfaceNormals& normals(int body) const { return normals_[body]; }
+
+  // After removals: the surface of this body is another.
+  void surface_changed(int body);
+
+  // Normals at the bodies' present positions. First in each step.
+  void follow(const Bodies& bodies);
+
+  // Appends the encounters of one pair whose gap is below the node's margin at these positions, which are at
+  // most `moved` from the bodies' present ones; nodes for which the margin is NaN are left out. Sorted by
+  // node.
+  void find(const Bodies& bodies, int pair, const Positions& x, const Margin& margin, double depth,
+            double moved, double slack, std::vector<ContactCandidate>& out);
+
+ private:
+  std::vector<ContactPair> pairs_;
+  std::vector<SurfaceNormals> normals_;
+  std::vector<std::uint8_t> changed_;
+  // The grid: faces per cell, in one list.
+  std::vector<int> cell_start_, cell_face_;
+};
+
+}  // namespace hapticd

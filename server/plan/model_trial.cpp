@@ -1,0 +1,223 @@
+#include "server/plan/model_trial.h"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+
+#include "server/scene/scene_world.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double tick = 1e-3;     // [s]
+constexpr double settled = 0.1;   // [s]
+constexpr double instant = 1e-9;  // [s]
+constexpr int approach_parts =
+    4;  // a way that takes a pilot one step takes the reference so many shorter ones
+constexpr double latch_share = 0.6;  // of a step's cost that has passed when the pose is latched
+
+double cpu_ms() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+double quantile(std::vector<double> v, double share) {
+  if (v.empty()) return 0;
+  std::sort(v.begin(), v.end());
+  return v[static_cast<std::size_t>(share * static_cast<double>(v.size() - 1))];
+}
+
+InstrumentSample sample_of(const PilotStroke& stroke, double t) {
+  InstrumentSample sample;
+  const auto i = static_cast<std::ptrdiff_t>(std::lround(t / tick));
+  sample.pose =
+      stroke.pose[std::clamp<std::ptrdiff_t>(i, 0, static_cast<std::ptrdiff_t>(stroke.pose.size()) - 1)];
+  sample.present = true;
+  return sample;
+}
+
+void spread_to_touching(const Scene& scene, std::vector<std::uint8_t>& pressed) {
+  for (std::size_t round = 0; round < scene.bodies.size(); ++round)
+    for (const ContactPair& p : scene.contacts)
+      pressed[p.points] = pressed[p.faces] = pressed[p.points] | pressed[p.faces];
+}
+
+class Pilot {
+ public:
+  Pilot(const Scene& scene, const PilotStroke& stroke)
+      : scene_(scene), stroke_(stroke), options_(haptic_options(scene).contact), h_(1 / scene.rate) {
+    run_.pressed.assign(scene.bodies.size(), 0);
+    world_ = make_world(scene);
+    world_->step([] { return InstrumentSample{}; }, *in_use_);
+  }
+
+  TrialRun run() {
+    for (const Pose& X : stroke_.approach)
+      world_->step([&] { return InstrumentSample{X, true, false, false}; }, *next_);
+    const auto ticks = static_cast<std::ptrdiff_t>(stroke_.pose.size());
+    const auto before = static_cast<std::ptrdiff_t>(std::lround(settled / tick));
+    std::int64_t steps = 0;
+    for (std::ptrdiff_t i = -before; i < ticks; ++i) {
+      const double t = tick * static_cast<double>(i);
+      while (-settled + static_cast<double>(steps) * h_ <= t + instant)
+        step(-settled + static_cast<double>(steps++) * h_);
+      const bool swaps = published_ <= t + instant;
+      if (swaps) {
+        std::swap(in_use_, next_);
+        published_ = std::numeric_limits<double>::infinity();
+      }
+      solve(t, i >= 0);
+      if (i >= 0) run_.swapped.push_back(swaps);
+    }
+    run_.step_ms = quantile(step_ms_, 0.5);
+    run_.worst_step_ms = quantile(step_ms_, 0.9);
+    run_.tick_ms = quantile(tick_ms_, 0.5);
+    double sum = reference_ms_;
+    for (const double ms : step_ms_) sum += ms;
+    run_.cost_ms = sum / static_cast<double>(std::max<std::size_t>(1, step_ms_.size())) +
+                   all_ticks_ms_ / static_cast<double>(ticks) * h_ / tick;
+    spread_to_touching(scene_, run_.pressed);
+    return run_;
+  }
+
+ private:
+  void step(double t) {
+    for (ReferenceJob& job : references_) world_->adopt(std::move(job));
+    references_.clear();
+    const double usual = quantile(step_ms_.empty() ? warm_up_ms_ : step_ms_, 0.5);
+    const double late = std::clamp(std::ceil(usual), 1.0, h_ / tick) * tick;
+    bool latched = false;
+    const double begun = cpu_ms();
+    world_->step(
+        [&] { return sample_of(stroke_, std::exchange(latched, true) ? t + latch_share * late : t); },
+        *next_);
+    const double ms = cpu_ms() - begun;
+    (t >= -instant ? step_ms_ : warm_up_ms_).push_back(ms);
+    references_ = world_->wanted_references();
+    const double reference_begun = cpu_ms();
+    for (ReferenceJob& job : references_) job.reference->make();
+    if (t >= -instant) reference_ms_ += cpu_ms() - reference_begun;
+    published_ = t + late;
+  }
+
+  void solve(double t, bool counts) {
+    const double begun = cpu_ms();
+    const ContactSolution solution = solve_contact(*in_use_, scene_.instrument, sample_of(stroke_, t).pose,
+                                                   tick, options_, state_, *scratch_);
+    if (!counts) return;
+    const double ms = cpu_ms() - begun;
+    all_ticks_ms_ += ms;
+    if (solution.active > 0) tick_ms_.push_back(ms);
+    run_.force.push_back(solution.wrench.head<3>());
+    const ContactRows& rows = scratch_->rows;
+    for (int i = 0; i < rows.contacts; ++i)
+      if (scratch_->lambda[static_cast<std::size_t>(rows.rows_per_contact) * i] > 0)
+        run_.pressed[rows.row[i].id >> 56] = 1;
+  }
+
+  const Scene& scene_;
+  const PilotStroke& stroke_;
+  const ContactOptions options_;
+  const double h_;
+  std::unique_ptr<World> world_;
+  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
+  std::unique_ptr<CondensedProblem> next_ = std::make_unique<CondensedProblem>();
+  std::unique_ptr<ContactScratch> scratch_ = std::make_unique<ContactScratch>();
+  ContactState state_;
+  std::vector<ReferenceJob> references_;
+  double published_ = std::numeric_limits<double>::infinity();
+  std::vector<double> warm_up_ms_, step_ms_, tick_ms_;
+  double all_ticks_ms_ = 0, reference_ms_ = 0;
+  TrialRun run_;
+};
+
+}  // namespace
+
+TrialRun run_pilot(const Scene& scene, const PilotStroke& stroke) {
+  try {
+    return Pilot(scene, stroke).run();
+  } catch (const std::runtime_error&) {  // a singular body
+    return {};
+  }
+}
+
+TrialRun run_reference(const Scene& scene, const PilotStroke& stroke, int every_ms) {
+  Scene single = scene;
+  single.rate = 1 / (every_ms * tick);
+  single.contact = Renewal::renewed;
+  TrialRun run;
+  std::vector<double> step_ms;
+  try {
+    WorldSettings settings = world_settings(single);
+    settings.compliance_options.synchronous_reference = true;
+    settings.linearisations = 6;
+    const std::unique_ptr<World> world = make_world(single, settings);
+    const auto problem = std::make_unique<CondensedProblem>();
+    world->step([] { return InstrumentSample{}; }, *problem);
+    for (std::size_t i = 1; i < stroke.approach.size(); ++i)
+      for (int k = 1; k <= approach_parts; ++k)
+        world->step(
+            [&] {
+              const Pose &a = stroke.approach[i - 1], &b = stroke.approach[i];
+              const double s = static_cast<double>(k) / approach_parts;
+              return InstrumentSample{{a.p + s * (b.p - a.p), a.q.slerp(s, b.q)}, true, false, false};
+            },
+            *problem);
+    const auto ticks = static_cast<int>(stroke.pose.size());
+    const auto before = static_cast<int>(std::lround(settled / tick)) / every_ms;
+    for (int i = -before; i * every_ms < ticks; ++i) {
+      const double begun = cpu_ms();
+      const StepReport report = world->step([&] { return sample_of(stroke, tick * i * every_ms); }, *problem);
+      step_ms.push_back(cpu_ms() - begun);
+      for (ReferenceJob& job : world->wanted_references()) {
+        job.reference->make();
+        world->adopt(std::move(job));
+      }
+      if (i >= 0) run.force.push_back(report.contact.wrench.head<3>());
+    }
+  } catch (const std::runtime_error&) {
+    return {};
+  }
+  run.step_ms = quantile(step_ms, 0.5);
+  return run;
+}
+
+double force_error(const TrialRun& reference, const TrialRun& run, int every_ms) {
+  if (run.force.empty()) return std::numeric_limits<double>::infinity();
+  double squares = 0, peak = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < reference.force.size() && i * every_ms < run.force.size(); ++i, ++count) {
+    const Vec3 difference = run.force[i * every_ms] - reference.force[i];
+    if (!difference.allFinite()) return std::numeric_limits<double>::infinity();
+    squares += difference.squaredNorm();
+    peak = std::max(peak, reference.force[i].norm());
+  }
+  return peak > 0 ? std::sqrt(squares / static_cast<double>(count)) / peak : 0;
+}
+
+double swap_jump(std::span<const Vec3> reference, int every_ms, std::span<const Vec3> force,
+                 std::span<const std::uint8_t> swapped) {
+  double squares = 0, peak = 0;
+  std::size_t count = 0;
+  for (const Vec3& f : reference) peak = std::max(peak, f.norm());
+  const auto every = static_cast<std::size_t>(every_ms);
+  for (std::size_t i = 1; i < force.size(); ++i) {
+    const std::size_t before = (i - 1) / every;
+    if (!swapped[i] || before + 1 >= reference.size()) continue;
+    const Vec3 change = (reference[before + 1] - reference[before]) / every_ms;
+    squares += (force[i] - force[i - 1] - change).squaredNorm();
+    ++count;
+  }
+  return count > 0 && peak > 0 ? std::sqrt(squares / static_cast<double>(count)) / peak : 0;
+}
+
+double felt_error(double error, double jump, double jump_of_whole) {
+  return std::hypot(error, std::max(0.0, jump - jump_of_whole));
+}
+
+}  // namespace hapticd

@@ -1,0 +1,124 @@
+#include "physics/simulation/body_contact/contact_candidates.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "tests/support/bodies.h"
+
+namespace hapticd {
+namespace {
+
+const Material soft{5000, 0.4, 1000, 0, 2e-3};
+
+struct Scene {
+  Bodies bodies;
+  ContactCandidateFinder finder{{ContactPair{0, 1, 0}}};
+
+  Scene(BodySettings points, BodySettings faces) {
+    bodies.emplace_back(std::move(points), 0.02, Vec3::Zero());
+    bodies.emplace_back(std::move(faces), 0.02, Vec3::Zero());
+    finder.follow(bodies);
+  }
+  std::vector<ContactCandidate> find(double margin, double depth = 1e-3) {
+    std::vector<ContactCandidate> out;
+    finder.find(
+        bodies, 0, [&](int b) { return std::span<const Vec3>(bodies[b].state.x); },
+        [&](int, int) { return margin; }, depth, 0, 0, out);
+    return out;
+  }
+};
+
+Scene rough_pair(std::uint32_t seed) {
+  BodySettings lower =
+      block("lower", Vec3(0.02, 0.02, 0.006), {8, 8, 2}, soft, {Vec3(0, 0, -0.006), Quat::Identity()});
+  BodySettings upper =
+      block("upper", Vec3(0.012, 0.012, 0.006), {7, 7, 3}, soft,
+            {Vec3(4e-3, 4e-3, 2e-4), Quat(Eigen::AngleAxisd(0.03, Vec3(1, 2, 3).normalized()))});
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> shift(-2e-4, 2e-4);
+  for (BodySettings* b : {&lower, &upper})
+    for (Vec3& x : b->mesh.nodes) x.z() += shift(random);
+  return Scene(upper, lower);
+}
+
+// Against looking at every face.
+TEST(ContactCandidates, FindsEveryNodeThatIsNearAndNoOther) {
+  for (std::uint32_t seed = 1; seed < 20; ++seed) {
+    Scene scene = rough_pair(seed);
+    const double margin = 4e-4;
+    const std::vector<ContactCandidate> found = scene.find(margin);
+    const Body &points = scene.bodies[0], &faces = scene.bodies[1];
+    int near = 0;
+    for (const int n : scene.finder.normals(0).nodes) {
+      double nearest = 1;
+      for (std::size_t f = 0; f < faces.surface.faces().size(); ++f) {
+        const Triangle& t = faces.surface.faces()[f].nodes;
+        const std::array<Vec3, 3> x = {faces.state.x[t[0]], faces.state.x[t[1]], faces.state.x[t[2]]};
+        if (scene.finder.normals(1).face[f].z() < 0.5) continue;  // the top
+        const auto w = nearest_on_triangle(points.state.x[n], x);
+        nearest = std::min(nearest, (points.state.x[n] - w[0] * x[0] - w[1] * x[1] - w[2] * x[2]).norm());
+      }
+      const bool is_near = nearest < margin;
+      near += is_near;
+      const bool listed =
+          std::any_of(found.begin(), found.end(), [&](const ContactCandidate& e) { return e.node == n; });
+      if (is_near) {
+        EXPECT_TRUE(listed) << seed << ' ' << n;
+      } else if (listed) {
+        // Inside, then, and deeper than the margin.
+        EXPECT_LT(
+            std::find_if(found.begin(), found.end(), [&](const ContactCandidate& e) { return e.node == n; })
+                ->gap,
+            0);
+      }
+    }
+    EXPECT_GT(near, 5);
+  }
+}
+
+// A node in a thin wall sees the side it came through, never the back.
+TEST(ContactCandidates, TheBackOfAWallIsNotSeen) {
+  const double thick = 3e-4;
+  BodySettings wall =
+      slab("wall", Vec3(0.02, 0.02, thick), {8, 8, 1}, {Vec3(-0.01, -0.01, -thick), Quat::Identity()});
+  for (const double depth : {0.0, 1e-4, 2e-4, 2.9e-4, 4e-4}) {
+    Scene scene(block("block", Vec3(4e-3, 4e-3, 4e-3), {2, 2, 2}, soft,
+                      {Vec3(-2e-3, -2e-3, -depth), Quat::Identity()}),
+                wall);
+    const auto found = scene.find(1e-5);
+    EXPECT_EQ(found.size(), 9u) << depth;
+    for (const ContactCandidate& e : found) {
+      EXPECT_NEAR(e.gap, -depth, 1e-12);
+      for (const int f : e.faces) EXPECT_NEAR(scene.finder.normals(1).face[f].z(), 1, 1e-12);
+    }
+  }
+}
+
+TEST(ContactCandidates, FollowASurfaceThatIsEatenAway) {
+  BodySettings lower =
+      block("lower", Vec3(0.01, 0.01, 4e-3), {5, 5, 2}, soft, {Vec3(0, 0, -4e-3), Quat::Identity()});
+  Scene scene(
+      block("upper", Vec3(4e-3, 4e-3, 4e-3), {2, 2, 2}, soft, {Vec3(3e-3, 3e-3, 1e-5), Quat::Identity()}),
+      lower);
+  EXPECT_EQ(scene.find(1e-4).size(), 9u);
+  // The whole upper layer goes: the ground is now 2 mm farther down.
+  std::vector<int> top;
+  const Body& body = scene.bodies[1];
+  for (int t = 0; t < body.model.tet_count(); ++t) {
+    double z = 0;
+    for (const int n : body.model.mesh.tets[t]) z += body.state.x[n].z() / 4;
+    if (z > -2e-3) top.push_back(t);
+  }
+  remove_from(scene.bodies[1], top);
+  scene.finder.surface_changed(1);
+  scene.finder.follow(scene.bodies);
+  EXPECT_TRUE(scene.find(1e-4).empty());
+  const auto found = scene.find(2.1e-3);
+  EXPECT_GE(found.size(), 9u);
+  for (const ContactCandidate& e : found) EXPECT_GE(e.gap, 2e-3);
+}
+
+}  // namespace
+}  // namespace hapticd

@@ -1,0 +1,92 @@
+#include "tools/offline/baseline_rendering.h"
+
+namespace hapticd {
+
+namespace {
+
+constexpr double haptic_period = 1e-3;  // [s]
+
+Vec6 acting_at(const Vec3& force, const Vec3& arm) {
+  Vec6 w;
+  w.head<3>() = force;
+  w.tail<3>() = arm.cross(force);
+  return w;
+}
+
+// Compliance of one sample along n [m/N].
+double compliance_along(const CondensedProblem& problem, const PatchSample& s, const Vec3& n) {
+  const auto C = problem.C();
+  double c = 0;
+  for (int a = 0; a < 3; ++a)
+    for (int b = 0; b < 3; ++b)
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          c += s.weight[a] * n[i] * C(3 * s.node[a] + i, 3 * s.node[b] + j) * n[j] * s.weight[b];
+  return c;
+}
+
+}  // namespace
+
+LocalModel::LocalModel(Rendering rendering, const Instrument& instrument, const ContactOptions& options,
+                       double period)
+    : rendering_(rendering), instrument_(instrument), options_(options), period_(period) {}
+
+void LocalModel::publish(double t, const CondensedProblem& problem, const ContactSolution& solution) {
+  before_ = now_;
+  now_ = solution.wrench;
+  since_ = t;
+  if (rendering_ == Rendering::held || rendering_ == Rendering::extrapolated) return;
+  if (!problem_) problem_ = std::make_unique<CondensedProblem>();
+  *problem_ = problem;
+  if (rendering_ != Rendering::frozen_friction) return;
+  const Vec6 whole = solve_contact(problem, instrument_, problem.X_ref, period_, options_, with_friction_,
+                                   *friction_scratch_)
+                         .wrench;
+  const ContactRows& rows = friction_scratch_->rows;
+  std::array<double, max_rows> normal{};
+  for (int i = 0; i < rows.contacts; ++i)
+    normal[rows.rows_per_contact * i] = friction_scratch_->lambda[rows.rows_per_contact * i];
+  friction_ = whole - wrench_on_instrument(rows, {normal.data(), static_cast<std::size_t>(rows.rows())});
+  for (int k = 0; k < problem_->samples; ++k) problem_->sample[k].friction = 0;
+}
+
+Vec6 LocalModel::spring(const Pose& X) const {
+  Gap deepest;
+  deepest.distance = 0;
+  const PatchSample* sample = nullptr;
+  Vec3 place = Vec3::Zero();
+  for (int k = 0; k < problem_->samples; ++k) {
+    const PatchSample& s = problem_->sample[k];
+    if (s.node[0] < 0) continue;
+    const Vec3 x = sample_position(*problem_, problem_->x_free, k);
+    const Gap gap = gap_at(instrument_, X, x);
+    if (gap.distance >= deepest.distance || gap.normal.dot(s.outward) > 0.2) continue;
+    deepest = gap;
+    sample = &s;
+    place = x;
+  }
+  if (!sample) return Vec6::Zero();
+  const double compliance = compliance_along(*problem_, *sample, deepest.normal);
+  if (!(compliance > 0)) return Vec6::Zero();
+  // The normal points from the instrument to the tissue; the instrument is pushed the other way.
+  return acting_at(deepest.distance / compliance * deepest.normal, place - X.p);
+}
+
+Vec6 LocalModel::wrench(double t, const Pose& X) {
+  switch (rendering_) {
+    case Rendering::extrapolated:
+      return now_ + (t - since_) / period_ * (now_ - before_);
+    case Rendering::spring:
+      return problem_ ? spring(X) : Vec6::Zero();
+    case Rendering::frozen_friction:
+      if (!problem_) return Vec6::Zero();
+      return solve_contact(*problem_, instrument_, X, haptic_period, options_, state_, *scratch_).wrench +
+             friction_;
+    case Rendering::held:
+    case Rendering::solved:
+      break;
+  }
+  return now_;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,339 @@
+// haptic abuse: every attack (attack.h) on a daemon, one after another and all at once, under a client that
+// behaves.
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include "server/files/paths.h"
+#include "server/scene/scene_reader.h"
+#include "tools/cli/child.h"
+#include "tools/cli/command.h"
+#include "tools/cli/interrupt.h"
+#include "tools/client/session.h"
+#include "tools/robustness/attack.h"
+
+namespace hapticd {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr double quiet_seconds = 1.5, together_factor = 2;
+// Of what the client sent in a stage: a host stall takes some. What it could not send is the machine's doing,
+// and is in the figures beside it.
+constexpr double min_answered = 0.99;
+
+struct AbuseOptions {
+  double seconds = 2;
+  std::string json, attack, mode = "tick";
+  bool force = false;
+  std::uint32_t domain = 0;
+};
+
+// Down onto the cube in a second, then still.
+class ContactSource final : public SlotSource {
+ public:
+  DeviceCommand first() const noexcept override { return at_height(0.0300); }
+  DeviceCommand at(std::int64_t k, std::int64_t, const NewestForce&, bool) noexcept override {
+    return at_height(0.0300 - 0.0085 * std::min(1.0, 1e-3 * static_cast<double>(k)));
+  }
+
+ private:
+  static DeviceCommand at_height(double z) noexcept {
+    DeviceCommand c;
+    c.pose.p.z() = z;
+    return c;
+  }
+};
+
+struct Stage {
+  std::string name;
+  std::int64_t begin_ns = 0, end_ns = 0;
+  bool held = false;  // the simulation was: less force is right then
+};
+
+// What the well-behaved client saw of one stage.
+struct StageFigures {
+  std::int64_t scheduled = 0, sent = 0, answered = 0, longest_unanswered = 0;
+  double force_min = 0, force_max = 0,
+         step_max = 0;  // [N]; step: between consecutive ticks, zeros at once apart
+  std::uint32_t status = 0;
+  bool finite = true;
+};
+
+StageFigures figures_of(const DeviceClient& client, const Stage& stage) {
+  StageFigures f;
+  f.force_min = HUGE_VAL;
+  const SlotBook& book = client.book();
+  const hapticd_msg_ForceCommand* before = nullptr;
+  std::int64_t unanswered = 0;
+  for (std::int64_t k = 0; k < book.scheduled(); ++k) {
+    const std::int64_t t = book.plan().time_of(k);
+    if (t < stage.begin_ns || t >= stage.end_ns) continue;
+    ++f.scheduled;
+    f.sent += book.sent_ns(k) != 0;
+    unanswered = book.answered_ns(k) == 0 ? unanswered + 1 : 0;
+    f.longest_unanswered = std::max(f.longest_unanswered, unanswered);
+    if (unanswered > 0) continue;
+    ++f.answered;
+    const hapticd_msg_ForceCommand& m = client.answer(k);
+    const Vec3 force(m.force[0], m.force[1], m.force[2]);
+    f.finite = f.finite && force.allFinite();
+    f.status |= m.status;
+    f.force_min = std::min(f.force_min, force.norm());
+    f.force_max = std::max(f.force_max, force.norm());
+    if (before && m.number == before->number + 1 && force.norm() > 0) {
+      const Vec3 last(before->force[0], before->force[1], before->force[2]);
+      f.step_max = std::max(f.step_max, (force - last).norm());
+    }
+    before = &m;
+  }
+  return f;
+}
+
+std::string text_of(const fs::path& file) {
+  std::ifstream in(file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+class Abuse {
+ public:
+  Abuse(const AbuseOptions& options, const Scene& scene, const fs::path& scratch)
+      : options_(options),
+        scene_(scene),
+        daemon_({.command = {beside_this_program("hapticd"), scene.file.string(), "--also", "touch",
+                             "--test-hooks", "--mode", options.mode, "--domain",
+                             std::to_string(options.domain), "--json", (scratch / "hapticd.json").string()},
+                 .output = (scratch / "hapticd.log").string()}),
+        figures_(scratch / "hapticd.json"),
+        log_(scratch / "hapticd.log") {
+    for (int i = 0; i < 300 && daemon_.running() && text_of(log_).find("ready") == std::string::npos; ++i)
+      usleep(100'000);
+    if (text_of(log_).find("ready") == std::string::npos)
+      throw std::runtime_error("hapticd did not start: " + text_of(log_));
+  }
+
+  int run();
+
+ private:
+  void stages();
+  void quiet() { usleep(static_cast<useconds_t>(1e6 * quiet_seconds)); }
+  ChildSettings attacker(const std::string& name, double seconds) const {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3f", seconds);
+    return {.command = {beside_this_program("haptic"), "abuse", "--attack", name, "--seconds", text,
+                        "--domain", std::to_string(options_.domain)}};
+  }
+  template <typename F>
+  void stage(const std::string& name, bool held, F&& f) {
+    if (interrupted()) return;
+    Stage s{name, monotonic_ns(), 0, held};
+    f();
+    usleep(200'000);  // what the attack leaves behind belongs to it
+    s.end_ns = monotonic_ns();
+    stages_.push_back(s);
+  }
+  void alone(const std::string& name) {
+    stage(name, false, [&] {
+      Child child(attacker(name, options_.seconds));
+      child.wait(options_.seconds + 10);
+    });
+  }
+  void stopped_and_continued(double seconds) {
+    Child child(attacker("dying", seconds));
+    usleep(static_cast<useconds_t>(3e5 * seconds));
+    child.signal(SIGSTOP);
+    usleep(300'000);
+    child.signal(SIGCONT);
+    child.wait(seconds + 10);
+  }
+  void killed(double seconds) {
+    Child child(attacker("dying", seconds + 10));
+    usleep(static_cast<useconds_t>(1e6 * seconds));
+    child.signal(SIGKILL);
+    child.wait(5);
+  }
+  void held(int milliseconds) {
+    daemon_.signal(SIGRTMIN, milliseconds);
+    usleep(static_cast<useconds_t>(1000 * milliseconds + 600'000));
+  }
+  int report(const Session& session);
+
+  const AbuseOptions options_;
+  const Scene& scene_;
+  Child daemon_;
+  fs::path figures_, log_;
+  std::vector<Stage> stages_;
+  double other_force_max_ = 0;  // device 1's
+  bool other_finite_ = true;
+};
+
+void Abuse::stages() {
+  stage("none", false, [this] { quiet(); });
+  for (const std::string& name : attacks())
+    if (name != "dying") alone(name);
+  stage("killed", false, [this] { killed(options_.seconds / 2); });
+  stage("stopped and continued", false, [this] { stopped_and_continued(options_.seconds); });
+  for (const int ms : {20, 100, 500})
+    stage("simulation held " + std::to_string(ms) + " ms", true, [this, ms] { held(ms); });
+  stage("all at once", true, [this] {
+    const double seconds = together_factor * options_.seconds;
+    std::vector<std::unique_ptr<Child>> children;
+    for (const std::string& name : attacks())
+      children.push_back(std::make_unique<Child>(attacker(name, seconds)));
+    std::thread killing([&] { killed(seconds / 2); });
+    std::thread stopping([&] { stopped_and_continued(seconds); });
+    for (const int ms : {20, 100, 500}) held(ms);
+    killing.join();
+    stopping.join();
+    for (const auto& child : children) child->wait(seconds + 10);
+  });
+  stage("none, after", false, [this] { quiet(); });
+}
+
+int Abuse::run() {
+  SessionOptions options;
+  options.client.domain = options_.domain;
+  options.client.device_id = scene_.device.id;
+  // Enough slots; the run ends when the stages do.
+  const double bound = 30 + 20 * options_.seconds;
+  Session session(options, static_cast<std::int64_t>(1e3 * bound));
+  Reader<hapticd_msg_ForceCommand> forces(session.participant);
+  ContactSource source;
+  std::atomic<bool> over{false};
+  std::thread attacking;
+  std::exception_ptr failure;
+  try {
+    session.client.run(source, [&](std::int64_t reached) {
+      forces.take_each([&](const hapticd_msg_ForceCommand& m, const dds_sample_info_t&) {
+        if (m.device_id == scene_.device.id) return;
+        const Vec3 f(m.force[0], m.force[1], m.force[2]);
+        other_finite_ = other_finite_ && f.allFinite();
+        other_force_max_ = std::max(other_force_max_, f.norm());
+      });
+      if (reached >= 2000 && !attacking.joinable())
+        attacking = std::thread([&] {
+          stages();
+          over = true;
+          raise(SIGINT);  // as a person would end it: the client lets go in order
+        });
+    });
+  } catch (...) {
+    failure = std::current_exception();
+  }
+  if (attacking.joinable()) attacking.join();
+  if (failure) std::rethrow_exception(failure);
+  if (!over) throw std::runtime_error("interrupted");
+  return report(session);
+}
+
+int Abuse::report(const Session& session) {
+  const bool alive = daemon_.running();
+  daemon_.signal(SIGTERM);
+  const bool ended_well = daemon_.wait(5) == 0;
+  const double maximum = scene_.device.max_force, step = 1e-3 * scene_.device.max_force_rate;
+  bool good = alive && ended_well && other_finite_ && other_force_max_ <= maximum * (1 + 1e-9);
+  Json j, list = Json::array();
+  Table table;
+  for (const Stage& s : stages_) {
+    const StageFigures f = figures_of(session.client, s);
+    const double answered = f.sent > 0 ? static_cast<double>(f.answered) / static_cast<double>(f.sent) : 0;
+    const bool kept = f.finite && f.force_max <= maximum * (1 + 1e-9) && f.step_max <= step * (1 + 1e-6) &&
+                      answered >= min_answered &&
+                      (s.held || !(f.status & (status_latched | status_not_finite)));
+    good = good && kept;
+    list.push_back({{"attack", s.name},
+                    {"slots", {{"scheduled", f.scheduled}, {"sent", f.sent}, {"answered", f.answered}}},
+                    {"longest_unanswered", f.longest_unanswered},
+                    {"answered_of_sent", rounded(answered, 5)},
+                    {"force_min_n", rounded(f.force_min, 5)},
+                    {"force_max_n", rounded(f.force_max, 5)},
+                    {"step_max_n", rounded(f.step_max, 5)},
+                    {"status_seen", status_text(f.status)},
+                    {"kept", kept}});
+    table.emplace_back((kept ? "ok    " : "FAIL  ") + s.name,
+                       fixed(100 * answered, 2) + " % answered of " + std::to_string(f.sent) + " sent (of " +
+                           std::to_string(f.scheduled) + ", longest break " +
+                           std::to_string(f.longest_unanswered) + " ms), " + fixed(f.force_min, 3) + " … " +
+                           fixed(f.force_max, 3) + " N, step " + fixed(f.step_max, 3) + " N; " +
+                           status_text(f.status));
+  }
+  const nlohmann::json daemon = nlohmann::json::parse(text_of(figures_), nullptr, false);
+  j["command"] = "abuse";
+  j["mode"] = options_.mode;
+  j["realtime"] = session.client.grant().granted;
+  j["stages"] = list;
+  j["force_limit_n"] = maximum;
+  j["step_limit_n"] = step;
+  j["attacked_device_force_max_n"] = other_force_max_;
+  j["daemon_survived"] = alive && ended_well;
+  if (daemon.is_object()) {
+    j["conflicts"] = daemon.value("conflicts", 0);
+    j["wake_us"] = daemon.at("wake_us");
+    j["allocations_in_haptic_code"] = daemon.value("allocations_in_haptic_code", -1);
+    j["allocations_in_device_port"] = daemon.value("allocations_in_device_port", -1);
+    j["page_faults"] = daemon.value("page_faults", -1);
+    if (daemon.contains("more_devices"))
+      j["states_rejected_of_the_attacked"] = daemon.at("more_devices").at(0).at("states_rejected");
+  }
+  j["verdict"] = good ? "pass" : "fail";
+  if (!options_.json.empty()) write_json(options_.json, j);
+  table.emplace_back("the attacked device", fixed(other_force_max_, 3) + " N at most");
+  table.emplace_back("daemon", alive && ended_well ? "alive to the end" : "DIED");
+  print(table);
+  std::printf("verdict: %s\n", good ? "pass" : "fail");
+  return good ? 0 : 1;
+}
+
+int abuse(const AbuseOptions& options) {
+  if (!options.attack.empty()) {
+    attack(options.attack, options.seconds, options.domain);
+    return 0;
+  }
+  OutputRule(options.force).require_figures("--json", options.json);
+  const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
+  const fs::path scratch = fs::temp_directory_path() / ("haptic-abuse-" + std::to_string(getpid()));
+  fs::create_directories(scratch);
+  const std::unique_ptr<const fs::path, void (*)(const fs::path*)> gone(&scratch, [](const fs::path* p) {
+    std::error_code e;
+    fs::remove_all(*p, e);
+  });
+  return Abuse(options, scene, scratch).run();
+}
+
+}  // namespace
+
+Command add_abuse(CLI::App& application) {
+  auto options = std::make_shared<AbuseOptions>();
+  CLI::App* app = application.add_subcommand(
+      "abuse", "Attacks a daemon of its own in every way there is, under a client that behaves.");
+  app->add_option("--seconds", options->seconds, "for each attack [s]")
+      ->check(CLI::Range(0.2, 60.0))
+      ->capture_default_str();
+  app->add_option("--mode", options->mode, "of the daemon")
+      ->check(CLI::IsMember({"tick", "event"}))
+      ->capture_default_str();
+  app->add_option("--domain", options->domain, "DDS domain")
+      ->check(CLI::Range(0u, 230u))
+      ->capture_default_str();
+  app->add_option("--json", options->json, "write the figures to this file")->type_name("FILE");
+  add_force_option(*app, options->force);
+  app->add_option("--attack", options->attack,
+                  "only this one, on the daemon that runs in --domain (attack.h)")
+      ->check(CLI::IsMember(attacks()));
+  app->footer(
+      "Example: haptic abuse --seconds 2 --json abuse.json\n"
+      "Exit code 0 only if the well-behaved client's force stayed bounded and its slots answered "
+      "throughout.");
+  return {app, [options] { return abuse(*options); }};
+}
+
+}  // namespace hapticd
