@@ -104,7 +104,7 @@ void rotate_all(const TissueModel& model, TissueState& state, const Before& befo
     before(tet, count);
     nearest_rotations(F, R);
     after(tet, count);
-    for (int l = 0; guarded && l < count; ++l) guard(model, tet[l], F.matrix(l), state);
+    for (int l = 0; guarded && l < count; ++l) barrier(model, tet[l], F.matrix(l), state);
   });
 }
 

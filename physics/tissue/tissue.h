@@ -42,11 +42,11 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
 struct Collapsed {
   int tet;
   Tet node;
-  Gradients gradients;   // of the rest shape
-  Gradients push;        // ∂J/∂x_a [1/m]
-  double force;          // V p: f_a = force · push_a
-  double steep, spread;  // K_ab = steep push_a push_bᵀ + spread (g_a·g_b) I
-  double energy;         // [J]
+  Gradients gradients;         // of the rest shape
+  Gradients push;              // ∂J/∂x_a [1/m]
+  double force;                // V p: f_a = force · push_a
+  double rank_one, isotropic;  // K_ab = rank_one push_a push_bᵀ + isotropic (g_a·g_b) I
+  double energy;               // [J]
 };
 
 struct TissueState {

@@ -6,7 +6,7 @@
 //   K_ab = V (κ c_a c_bᵀ + p ‖F‖ (g_a·g_b) I)
 //
 // The co-rotational energy measures volume by tr(RᵀF), which a tetrahedron flattened one way and stretched
-// another does not change: it can lose all its volume for nothing. The guard measures det F. Its force is the
+// another does not change: it can lose all its volume for nothing. The volume barrier measures det F. Its force is the
 // exact gradient of its energy and continuous at J₀; K is positive semi-definite and bounds the energy's
 // second derivative from above (−∂²J/∂F² ≤ ‖F‖ while J ≥ 0; inside out by up to 2/√3 more). It is
 // finite at J = 0 and below: inversion is made dear, not impossible, nor is its undoing sure (README).
@@ -25,7 +25,7 @@ inline constexpr double barrier_stiffness = 1;  // κ over λ + 2μ
 // Adds this tetrahedron to `state.collapsed` if it is.
 void barrier(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept;
 
-// The guard's energy of this tetrahedron [J]; zero where it has not collapsed.
+// The volume barrier's energy of this tetrahedron [J]; zero where it has not collapsed.
 double barrier_energy(const TissueModel& model, int tet, const Mat3& F) noexcept;
 
 // Which corner of the collapsed tetrahedron each of these nodes, the same four, is.

@@ -1,3 +1,9 @@
+// Why the details: a killed process disposes nothing and its lease lasts 10 s, hence the 500 ms; a starved client is
+// disarmed after 100 ms, but keeps its device against whoever is heard meanwhile. What is for another device, or
+// from a stranger while the client is heard, is refused by a filter in Cyclone's receive thread before a sample is
+// kept: it can neither displace the client's states nor keep the loop busy. Of two daemons started at once both
+// hear the other before either arms. The wait's own time-out would cost an answer 8 µs: hence the timer, whose thread
+// has the loop's priority where it may.
 #include "server/dds/device_bridge.h"
 
 #include <linux/futex.h>

@@ -1,30 +1,19 @@
 // The device port over DDS: one device id, one client at a time.
 //
-// Who is the client: the writer whose sample comes first is pinned by its publication handle. Samples
-// of other writers with the same device id are refused and reported as a conflict; they change
-// nothing for the first. The pin ends when that writer disposes, unregisters or is unmatched, and
-// when it is silent for 500 ms (a killed process disposes nothing, its lease lasts 10 s; a starved one is
-// disarmed after 100 ms, but keeps its device against whoever is heard meanwhile); the next
-// writer heard is then a new client. The same writer coming back is not new: it has to show
-// enable false → true to be armed again.
-// Refused already by a filter in Cyclone's receive thread, before a sample is kept: what is for another
-// device or from a stranger while the client is heard. Neither can displace the client's states, or keep the
-// loop busy. received_ns: the client's send time, as DDS stamps it, moved into the interval between the
-// previous take and this one: right to microseconds on one machine, and never beyond one tick elsewhere.
+// The client is the writer whose sample comes first; it is pinned by its publication handle. Samples of other
+// writers are refused, reported as a conflict and change nothing. The pin ends when the writer disposes,
+// unregisters or is unmatched, or after 500 ms of silence; the next writer heard is a new client. A writer
+// that comes back is not new: it has to show enable false → true to be armed again.
+// received_ns: the client's send time, as DDS stamps it, moved into the interval between the previous take and
+// this one: right to microseconds on one machine, and never beyond one tick elsewhere.
+// A second daemon is heard by a reader of our own force topic (force_reader.h). For the first half second the
+// port says that it has not listened for long enough (Presence::settled).
+// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; a timer
+// wakes it at the latest time (wakeup_timer.h). Both exist only with `events`.
 //
-// A second daemon for the device, or whoever writes its forces besides us, is heard by a reader of our own
-// force topic (force_reader.h). For the first half second that the port is taken from, it says that it has
-// not listened for long enough (Presence::settled): of two daemons started at once both hear the other
-// before either arms.
-//
-// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; an alarm
-// rings it when the time has come (wakeup_timer.h: the wait's own time-out would cost the answer 8 µs). Both
-// are there only where `events` says so: the fixed tick has no use for them. The alarm's thread has the
-// loop's priority where it may.
-//
-// Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first
-// few samples; Cyclone's own locks are held for microseconds by its receive thread, which should therefore
-// run in real time too (dds.h, loopback_realtime).
+// Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first few
+// samples; Cyclone's own locks are held for microseconds by its receive thread, which should run in real time
+// too (dds.h, loopback_realtime).
 #pragma once
 
 #include <optional>

@@ -61,12 +61,12 @@ void leave_core(int core) noexcept;
 void stand_back() noexcept;
 // Touches 512 KiB of stack below the caller, so that no later call faults there.
 void prefault_stack() noexcept;
-// Gives the calling thread's part of malloc (its arena) that much at once, touched. It stays where `keep_malloc_pages`
-// was granted, so that what the thread asks for later comes from pages that are there.
+// Gives the calling thread's part of malloc (its arena) that much at once, touched. It stays where
+// `keep_malloc_pages` was granted, so that what the thread asks for later comes from pages that are there.
 void prefault_heap(std::size_t bytes) noexcept;
-// For the haptic thread, and for whoever hands samples to Cyclone: its pool is one for all threads, and a buffer from it is
-// lengthened in the arena that it came from, by whoever writes. An arena that has no room left there would grow by a page,
-// with a system call, in the haptic thread.
+// For the haptic thread, and for whoever hands samples to Cyclone: its pool is one for all threads, and a
+// buffer from it is lengthened in the arena that it came from, by whoever writes. An arena that has no room
+// left there would grow by a page, with a system call, in the haptic thread.
 inline constexpr std::size_t sample_heap = 1 << 20;  // [bytes]
 
 // Calling thread confined to one core while it lives; threads made meanwhile inherit that.

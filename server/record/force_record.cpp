@@ -23,10 +23,10 @@ void ForceRecordWriter::write(const ForceRecord& r) {
       in(r.time_ns - first_ns_, 1e-9), static_cast<unsigned long long>(f.sequence),
       static_cast<unsigned long long>(f.echo_sequence), r.device.p.x(), r.device.p.y(), r.device.p.z(),
       r.device.q.x(), r.device.q.y(), r.device.q.z(), r.device.q.w(), r.instrument.buttons,
-      r.instrument.X.p.x(), r.instrument.X.p.y(), r.instrument.X.p.z(), f.force.x(), f.force.y(), f.force.z(), f.torque.x(),
-      f.torque.y(), f.torque.z(), f.status, static_cast<unsigned long long>(f.step), in(f.state_age_ns, 1e-3),
-      in(f.problem_age_ns, 1e-6), in(f.wake_ns, 1e-3), in(f.solve_ns, 1e-3), f.contacts, f.active,
-      1e6 * f.penetration, f.energy);
+      r.instrument.X.p.x(), r.instrument.X.p.y(), r.instrument.X.p.z(), f.force.x(), f.force.y(), f.force.z(),
+      f.torque.x(), f.torque.y(), f.torque.z(), f.status, static_cast<unsigned long long>(f.step),
+      in(f.state_age_ns, 1e-3), in(f.problem_age_ns, 1e-6), in(f.wake_ns, 1e-3), in(f.solve_ns, 1e-3),
+      f.contacts, f.active, 1e6 * f.penetration, f.energy);
   if (n > 0) out_.write(line, std::min<std::streamsize>(n, sizeof line - 1));
 }
 

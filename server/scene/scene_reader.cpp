@@ -11,7 +11,8 @@ namespace hapticd {
 namespace {
 
 constexpr NumberRange rate{1, 500, false, false, "simulation steps per second; 50 is usual"};
-constexpr NumberRange accuracy{0, 1, true, false, "RMS force error over the peak force; 0.02 is two per cent"};
+constexpr NumberRange accuracy{0, 1, true, false,
+                               "RMS force error over the peak force; 0.02 is two per cent"};
 constexpr NumberRange alarm_distance{0, 0.1, true, false, "metres; more than the tip moves in one step"};
 constexpr NumberRange sample_spacing{0, 0.1, true, false, "metres; about a third of the tip's radius"};
 constexpr NumberRange stiffness{0, 1e6, true, false, "newtons per metre; about ten times the contact's own"};
@@ -153,8 +154,8 @@ void add_device(Scene& scene, const std::string& name) {
 
 Scene read_scene(const std::filesystem::path& file, const std::string& device) {
   const YamlMap yaml = YamlMap::open(file);
-  yaml.only({"scene", "model", "accuracy", "simulation", "gravity", "bodies", "contacts", "instrument", "removal", "haptic", "device",
-             "mapping", "more_devices", "trajectory", "ros2", "logging"});
+  yaml.only({"scene", "model", "accuracy", "simulation", "gravity", "bodies", "contacts", "instrument",
+             "removal", "haptic", "device", "mapping", "more_devices", "trajectory", "ros2", "logging"});
   Scene scene;
   scene.file = file;
   scene.name = yaml.text("scene");

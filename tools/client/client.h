@@ -1,24 +1,20 @@
 // A device on DDS: sends a pose every millisecond and receives the forces.
 //
-// Life of a run, all on one 1 kHz grid of absolute times:
-//   arming    the first pose is sent steadily: 50 slots without `enable`, then with it, so that the daemon
-//             sees an edge and no jump; again each second while it stays disarmed. From the state ages in the
-//             answers the client learns its phase against the daemon's tick, and moves its own grid so that
-//             states leave half a period before the tick (near a phase of 0 a state is taken twice or not at
-//             all). It moves only here.
+// A run, on one 1 kHz grid of absolute times:
+//   arming    the first pose is sent steadily: 50 slots without `enable`, then with it; again each second while
+//             it stays disarmed. From the state ages in the answers the client learns its phase against the
+//             daemon's tick, and moves its own grid, here alone, so that states leave half a period before it.
 //   slots     slot k of the plan at t0 + k ms; a client that wakes too late for a slot skips it (slots.h).
-//   letting go  20 ms of the last pose, so that the last slot can be answered, 5 ms without `enable`, and
-//             the state is disposed of: the daemon then knows that its client is gone.
-// State numbers begin at the client's monotonic milliseconds and rise by one per slot, so that a client that
-// is started again never counts backwards.
-// Forces are taken from one daemon, the first that is heard (server/dds/force_reader.h); that there is another
-// for this device is told by `second_daemon`.
+//   letting go  20 ms of the last pose, 5 ms without `enable`, then the state is disposed of.
+// State numbers begin at the client's monotonic milliseconds and rise by one per slot, so that a client that is
+// started again never counts backwards. Forces are taken from the first daemon heard (server/dds/force_reader.h);
+// `second_daemon` tells of another.
 //
-// Threads: `run` starts one sender (SCHED_FIFO where permitted; `grant` says) and returns when it has
-// ended; forces are taken in Cyclone's receive thread as they come, so a round trip is timed at arrival.
-// The sender asks the source for each pose; source and sender share a thread.
-// Errors: std::runtime_error when no daemon answers in time, when it does not arm, or when it falls silent
-// for 2 s. After `interrupted()` (interrupt.h) a run ends early, letting go first.
+// Threads: `run` starts one sender (SCHED_FIFO where permitted; `grant` says) and returns when it has ended;
+// forces are taken in Cyclone's receive thread as they come, so a round trip is timed at arrival. The sender
+// asks the source for each pose; source and sender share a thread.
+// Errors: std::runtime_error when no daemon answers in time, when it does not arm, or when it falls silent for
+// 2 s. After `interrupted()` (interrupt.h) a run ends early, letting go first.
 #pragma once
 
 #include <atomic>

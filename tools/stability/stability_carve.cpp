@@ -76,7 +76,11 @@ class Script {
     constexpr std::uint32_t both = pedal_phaco | pedal_aspiration;
     const double p = chance_.between(0, 1);
     if (core_ && strokes_ == 0) return around_core();
-    const std::uint32_t pedals = core_ ? pedal_phaco : p < 0.7 ? both : p < 0.8 ? pedal_phaco : p < 0.9 ? pedal_aspiration : 0u;
+    const std::uint32_t pedals = core_     ? pedal_phaco
+                                 : p < 0.7 ? both
+                                 : p < 0.8 ? pedal_phaco
+                                 : p < 0.9 ? pedal_aspiration
+                                           : 0u;
     speed_ = 1e-3 * std::pow(peak_speed / jerk_peak / 1e-3, chance_.between(0, 1));
     const double kind = chance_.between(0, 1);
     if (kind < 0.3)

@@ -3,7 +3,7 @@
 // The cube scene's daemon is started for each stiffness with the widest limits that a device may have. Time
 // is the machine's here, so figures vary; a pair of processes, a network and a scheduler are in the loop.
 // Judged as offline: swing at rest, and energy made at the device's port less what the device's own damping
-// takes (hand.h reports the first part alone, so passive here is the stricter).
+// takes (hand_model.h reports the first part alone, so passive here is the stricter).
 // Errors: std::runtime_error when a daemon does not start.
 #pragma once
 

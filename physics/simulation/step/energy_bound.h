@@ -10,7 +10,7 @@
 // The bound is exact to 1e-9 of the energies, a solve's rounding, and to strains of 1e-9: E has every element's
 // own rotation at x + Δx, whatever the step was linearised with.
 //
-// Units: J. Shapes: Δx, f 3·nodes entries; elastic one a piece. Errors: none; a motion that is not a number is kept out whole.
+// Units: J. Shapes: Δx, f 3·nodes entries; elastic one a piece. Errors: none; a NaN motion is kept out whole.
 #pragma once
 
 #include "physics/tissue/fragments.h"

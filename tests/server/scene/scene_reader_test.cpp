@@ -150,7 +150,8 @@ TEST_F(SceneFile, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
 
 TEST_F(SceneFile, LawAndCappedPoissonRatio) {
   EXPECT_EQ(read(good_scene).bodies[0].material.law, Law::corotational);
-  const Scene scene = read(with(good_scene, "poisson: 0.45", "poisson: 0.49\n      poisson_cap: 0.45\n      law: guarded"));
+  const Scene scene =
+      read(with(good_scene, "poisson: 0.45", "poisson: 0.49\n      poisson_cap: 0.45\n      law: guarded"));
   const Material& m = scene.bodies[0].material;
   EXPECT_EQ(m.law, Law::guarded);
   EXPECT_EQ(m.poisson, 0.45);
