@@ -1,26 +1,31 @@
 #include "server/observe/metrics_server.h"
 
-#include <arpa/inet.h>
-#include <microhttpd.h>
-#include <netinet/in.h>
-
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
 #include <charconv>
-#include <cstring>
+#include <chrono>
+#include <optional>
 #include <stdexcept>
+#include <thread>
+#include <utility>
 
 #include "server/os/host_name.h"
+#include "server/os/realtime.h"
 
 namespace hapticd {
 namespace {
 
-struct Endpoint {
-  sockaddr_in v4{};
-  sockaddr_in6 v6{};
-  bool is_v6 = false;
-  const sockaddr* address() const {
-    return is_v6 ? reinterpret_cast<const sockaddr*>(&v6) : reinterpret_cast<const sockaddr*>(&v4);
-  }
-};
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+using tcp = asio::ip::tcp;
+using Error = boost::system::error_code;
+
+constexpr int most_connections = 16;
+constexpr auto patience = std::chrono::seconds(5);
+constexpr std::size_t largest_header = 8192, largest_body = 8192;
 
 // NAME and PORT of NAME:PORT, [NAME]:PORT, PORT.
 std::pair<std::string, std::string> parts_of(const std::string& text) {
@@ -34,7 +39,7 @@ std::pair<std::string, std::string> parts_of(const std::string& text) {
                                     : std::pair(text.substr(0, colon), text.substr(colon + 1));
 }
 
-Endpoint endpoint_of(const std::string& text) {
+tcp::endpoint endpoint_of(const std::string& text) {
   const auto refuse = [&](const std::string& why) {
     throw std::invalid_argument("--metrics " + text + ": " + why);
   };
@@ -44,35 +49,11 @@ Endpoint endpoint_of(const std::string& text) {
   const auto [end, error] = std::from_chars(port_text.data(), port_text.data() + port_text.size(), port);
   if (error != std::errc() || end != port_text.data() + port_text.size() || port > 65535 || port_text.empty())
     refuse("expected PORT, 127.0.0.1:PORT or [::1]:PORT");
-  Endpoint e;
-  if (inet_pton(AF_INET, host.c_str(), &e.v4.sin_addr) == 1) {
-    if (ntohl(e.v4.sin_addr.s_addr) >> 24 != 127)
-      refuse("not a loopback address: metrics are for this machine alone");
-    e.v4.sin_family = AF_INET;
-    e.v4.sin_port = htons(static_cast<std::uint16_t>(port));
-  } else if (inet_pton(AF_INET6, host.c_str(), &e.v6.sin6_addr) == 1) {
-    if (!IN6_IS_ADDR_LOOPBACK(&e.v6.sin6_addr))
-      refuse("not a loopback address: metrics are for this machine alone");
-    e.v6.sin6_family = AF_INET6;
-    e.v6.sin6_port = htons(static_cast<std::uint16_t>(port));
-    e.is_v6 = true;
-  } else {
-    refuse("'" + host + "' is not an address: expected PORT, 127.0.0.1:PORT or [::1]:PORT");
-  }
-  return e;
-}
-
-MHD_Result answer(MHD_Connection* connection, unsigned code, const std::string& text) {
-  MHD_Response* response =
-      MHD_create_response_from_buffer(text.size(), const_cast<char*>(text.data()), MHD_RESPMEM_MUST_COPY);
-  if (!response) return MHD_NO;
-  MHD_add_response_header(
-      response, "Content-Type",
-      code == MHD_HTTP_OK ? "text/plain; version=0.0.4; charset=utf-8" : "text/plain; charset=utf-8");
-  if (code == MHD_HTTP_METHOD_NOT_ALLOWED) MHD_add_response_header(response, "Allow", "GET, HEAD");
-  const MHD_Result queued = MHD_queue_response(connection, code, response);
-  MHD_destroy_response(response);
-  return queued;
+  Error e;
+  const asio::ip::address address = asio::ip::make_address(host, e);
+  if (e) refuse("'" + host + "' is not an address: expected PORT, 127.0.0.1:PORT or [::1]:PORT");
+  if (!address.is_loopback()) refuse("not a loopback address: metrics are for this machine alone");
+  return {address, static_cast<std::uint16_t>(port)};
 }
 
 }  // namespace
@@ -87,56 +68,110 @@ std::string metrics_address_fault(const std::string& address) {
 }
 
 struct MetricsServer::Http {
-  std::function<std::string()> page;
-  MHD_Daemon* daemon = nullptr;
+  class Visit;
 
-  static MHD_Result handle(void* self, MHD_Connection* connection, const char* url, const char* method,
-                           const char*, const char*, std::size_t* body, void** seen) {
-    // Called first with the headers alone; an answer then closes what still would come.
-    static char headers_seen;
-    if (!*seen) {
-      *seen = &headers_seen;
-      return MHD_YES;
-    }
-    if (*body > 0) {
-      *body = 0;
-      return MHD_YES;
-    }
+  std::function<std::string()> page;
+  int connections = 0;
+  asio::io_context io{1};  // ends before the above, which its handlers use
+  tcp::acceptor acceptor{io};
+  std::thread thread;
+
+  void accept();
+};
+
+// One connection.
+class MetricsServer::Http::Visit : public std::enable_shared_from_this<Visit> {
+ public:
+  Visit(Http& server, tcp::socket socket) : server_(server), stream_(std::move(socket)) {
+    ++server_.connections;
+  }
+  ~Visit() { --server_.connections; }
+
+  void read() {
+    parser_.emplace();
+    parser_->header_limit(largest_header);
+    parser_->body_limit(largest_body);
+    stream_.expires_after(patience);
+    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](Error e, std::size_t) {
+      if (!e) self->answer();
+    });
+  }
+
+ private:
+  void answer() {
+    const auto& request = parser_->get();
+    const boost::string_view host = request[http::field::host];
+    if (!host.empty() && !is_loopback_host({host.data(), host.size()}))  // HTTP/1.0 has none
+      return say(http::status::forbidden, "Ask by a loopback name.\n");
+    if (request.method() != http::verb::get && request.method() != http::verb::head)
+      return say(http::status::method_not_allowed, "GET alone.\n");
+    if (request.target() != "/metrics") return say(http::status::not_found, "Here is /metrics alone.\n");
     try {
-      const char* host = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, "Host");
-      if (host && !is_loopback_host(host))  // HTTP/1.0 has none
-        return answer(connection, MHD_HTTP_FORBIDDEN, "Ask by a loopback name.\n");
-      if (std::strcmp(method, "GET") != 0 && std::strcmp(method, "HEAD") != 0)
-        return answer(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "GET alone.\n");
-      if (std::strcmp(url, "/metrics") != 0)
-        return answer(connection, MHD_HTTP_NOT_FOUND, "Here is /metrics alone.\n");
-      return answer(connection, MHD_HTTP_OK, static_cast<Http*>(self)->page());
-    } catch (const std::exception&) {
-      return MHD_NO;
+      say(http::status::ok, server_.page());
+    } catch (const std::exception&) {  // no memory, say: the connection closes
     }
   }
+
+  void say(http::status status, const std::string& text) {
+    const auto& request = parser_->get();
+    const bool ok = status == http::status::ok;
+    response_ = http::response<http::string_body>(status, request.version());
+    response_.set(http::field::content_type,
+                  ok ? "text/plain; version=0.0.4; charset=utf-8" : "text/plain; charset=utf-8");
+    if (status == http::status::method_not_allowed) response_.set(http::field::allow, "GET, HEAD");
+    response_.keep_alive(ok && request.keep_alive());
+    response_.content_length(text.size());
+    if (request.method() != http::verb::head) response_.body() = text;
+    http::async_write(stream_, response_, [self = shared_from_this()](Error e, std::size_t) {
+      if (e) return;
+      if (self->response_.keep_alive()) return self->read();
+      Error ignored;
+      self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+    });
+  }
+
+  Http& server_;
+  beast::tcp_stream stream_;
+  beast::flat_buffer buffer_{largest_header + largest_body};
+  std::optional<http::request_parser<http::string_body>> parser_;
+  http::response<http::string_body> response_;
 };
+
+void MetricsServer::Http::accept() {
+  acceptor.async_accept([this](Error e, tcp::socket socket) {
+    if (e == asio::error::operation_aborted) return;
+    // Above the limit the socket is closed as it goes.
+    if (!e && connections < most_connections) std::make_shared<Visit>(*this, std::move(socket))->read();
+    accept();
+  });
+}
 
 MetricsServer::MetricsServer(const std::string& address, std::function<std::string()> page)
     : http_(std::make_unique<Http>()) {
-  const Endpoint endpoint = endpoint_of(address);
+  const tcp::endpoint endpoint = endpoint_of(address);
   http_->page = std::move(page);
-  unsigned flags = MHD_USE_AUTO | MHD_USE_INTERNAL_POLLING_THREAD;
-  if (endpoint.is_v6) flags |= MHD_USE_IPv6;
-  http_->daemon = MHD_start_daemon(flags, 0, nullptr, nullptr, &Http::handle, http_.get(),
-                                   MHD_OPTION_SOCK_ADDR, endpoint.address(), MHD_OPTION_CONNECTION_LIMIT, 16u,
-                                   MHD_OPTION_CONNECTION_TIMEOUT, 5u, MHD_OPTION_END);
-  if (!http_->daemon)
-    throw std::runtime_error("--metrics " + address + ": cannot listen there: " + std::strerror(errno));
+  Error e;
+  tcp::acceptor& acceptor = http_->acceptor;
+  acceptor.open(endpoint.protocol(), e);
+  if (!e) acceptor.set_option(asio::socket_base::reuse_address(true), e);
+  if (!e) acceptor.bind(endpoint, e);
+  if (!e) acceptor.listen(asio::socket_base::max_listen_connections, e);
+  if (e) throw std::runtime_error("--metrics " + address + ": cannot listen there: " + e.message());
+  http_->accept();
+  http_->thread = std::thread([this] {
+    name_thread("metrics");
+    http_->io.run();
+  });
 }
 
 MetricsServer::~MetricsServer() {
-  if (http_->daemon) MHD_stop_daemon(http_->daemon);
+  http_->io.stop();
+  http_->thread.join();
 }
 
 std::uint16_t MetricsServer::port() const noexcept {
-  const MHD_DaemonInfo* info = MHD_get_daemon_info(http_->daemon, MHD_DAEMON_INFO_BIND_PORT);
-  return info ? info->port : 0;
+  Error ignored;
+  return http_->acceptor.local_endpoint(ignored).port();
 }
 
 }  // namespace hapticd

@@ -94,7 +94,7 @@ struct SlewRows : testing::TestWithParam<Limits> {
   }
 };
 
-// The simulation held for 500 ms under a hand that moves at 0.46 m/s: 1.84 N of a VertexFaceContact, 12 of an
+// The simulation held for 500 ms under a hand that moves at 0.46 m/s: 1.84 N of a Touch, 12 of an
 // omega.6.
 TEST_P(SlewRows, ALostProblemIsReleasedWithinTheSlewLimit) {
   damped();

@@ -118,7 +118,7 @@ TEST(ViscousPatch, WithALagTheViscousForceRisesInIt) {
   EXPECT_NEAR((quantum - p.x_free[0].z()) / p.C()(2, 2), stiffness * quantum * (1 + beta / (T + a)), 1e-15);
 }
 
-// 400 N/m read to 55 µm, as a VertexFaceContact: 2.4 µJ a reading. 10 kN/m read to 20 µm: 8; 40 kN/m: 32.
+// 400 N/m read to 55 µm, as a Touch: 2.4 µJ a reading. 10 kN/m read to 20 µm: 8; 40 kN/m: 32.
 TEST(ViscousPatch, LagsOnlyWhereAReadingIsWorthMuch) {
   EXPECT_EQ(lag_for(55e-6, 400, beta, T), 0);
   EXPECT_EQ(lag_for(20e-6, 10e3, beta, T), 0);

@@ -6,13 +6,16 @@
 #include <cstdarg>
 #include <cstdio>
 #include <set>
+#include <vector>
+
+#include <yaml-cpp/yaml.h>
 
 namespace hapticd {
 namespace {
 
 constexpr double young = 3e3, poisson = 0.45, density = 1000;
 constexpr double device_stiffness = 400,
-                 device_reach = 0.06;  // of a VertexFaceContact: N/m, and the hand's usual travel [m]
+                 device_reach = 0.06;  // of a Touch: N/m, and the hand's usual travel [m]
 constexpr double lowest_part = 0.1;
 constexpr double most_fixed = 0.5;  // of the boundary's nodes: a group that holds more is not a support
 
@@ -105,32 +108,71 @@ void add_fixed_group(TetMesh& mesh, const SceneDefaults& d) {
 }
 
 std::string scene_text(const SceneDefaults& d, const std::string& name, const std::string& mesh_file) {
-  std::string out = "# Made by `haptic mesh`. What was chosen and why:\n";
-  for (const std::string& reason : d.reasons) out += "# - " + reason + '\n';
-  out += format(
-      "scene: %s\n\nmodel: auto    # the least model within `accuracy`; `hapticd --check` says which\n"
-      "accuracy: 0.02  # of the peak force\n\n",
-      name.c_str());
-  out += format(
-      "simulation:\n  rate: 50\n  contact: renewed  # each haptic tick: frozen for a step the force would "
-      "jump 50 times a second\n  alarm_distance: %.6g\n  sample_spacing: %.6g\n\n",
-      d.alarm_distance, d.sample_spacing);
-  out += format(
-      "bodies:\n  - name: tissue\n    kind: deformable\n    mesh: %s\n    fixed: %s\n"
-      "    removable: true\n    material: {young: %.6g, poisson: %.6g, density: %.6g, rayleigh: {mass: 2, "
-      "stiffness: 2.0e-3}}\n\n",
-      mesh_file.c_str(), d.fixed.c_str(), young, poisson, density);
+  using namespace YAML;
   const double r = d.tip_radius;
-  out += format(
-      "instrument:\n  tip: tip\n  primitives:\n    - {name: tip, shape: sphere, radius: %.6g}\n"
-      "    - {name: needle, shape: capsule, radius: %.6g, from: [0, 0, 0], to: [0, 0, %.6g]}\n",
-      r, 0.9 * r, 24 * r);
-  out += format("  coupling: {stiffness: %.6g, rotational_stiffness: %.6g, damping_time: 2.0e-3}\n\n",
-                d.coupling, d.rotational_coupling);
-  out += format("removal: {rate: 30, stroke: %.6g}\n\ndevice: touch\n\n", 0.2 * r);
-  out += format("mapping: {position_scale: %.6g, force_scale: %.6g, origin: [%.6g, %.6g, %.6g]}\n",
-                d.position_scale, d.force_scale, d.origin.x(), d.origin.y(), d.origin.z());
-  return out;
+  Emitter out;
+  out.SetDoublePrecision(6);
+  std::string reasons = "Made by `haptic mesh`. What was chosen and why:";
+  for (const std::string& reason : d.reasons) reasons += "\n- " + reason;
+  out << Comment(reasons) << Newline << BeginMap;
+  const auto key = [&](const char* text) -> Emitter& { return out << Key << text << Value; };
+  key("scene") << name << Newline;
+  key("model") << "auto" << Comment("the least model within `accuracy`; `hapticd --check` says which");
+  key("accuracy") << 0.02 << Comment("of the peak force") << Newline;
+
+  key("simulation") << BeginMap;
+  key("rate") << 50;
+  key("contact") << "renewed"
+                 << Comment("each haptic tick: frozen for a step the force would jump 50 times a second");
+  key("alarm_distance") << d.alarm_distance;
+  key("sample_spacing") << d.sample_spacing;
+  out << EndMap << Newline;
+
+  key("bodies") << BeginSeq << BeginMap;
+  key("name") << "tissue";
+  key("kind") << "deformable";
+  key("mesh") << mesh_file;
+  key("fixed") << d.fixed;
+  key("removable") << true;
+  key("material") << Flow << BeginMap;
+  key("young") << young;
+  key("poisson") << poisson;
+  key("density") << density;
+  key("rayleigh") << Flow << BeginMap;
+  key("mass") << 2;
+  key("stiffness") << 2e-3;
+  out << EndMap << EndMap << EndMap << EndSeq << Newline;
+
+  key("instrument") << BeginMap;
+  key("tip") << "tip";
+  key("primitives") << BeginSeq << Flow << BeginMap;
+  key("name") << "tip";
+  key("shape") << "sphere";
+  key("radius") << r;
+  out << EndMap << Flow << BeginMap;
+  key("name") << "needle";
+  key("shape") << "capsule";
+  key("radius") << 0.9 * r;
+  key("from") << Flow << std::vector<double>{0, 0, 0};
+  key("to") << Flow << std::vector<double>{0, 0, 24 * r};
+  out << EndMap << EndSeq;
+  key("coupling") << Flow << BeginMap;
+  key("stiffness") << d.coupling;
+  key("rotational_stiffness") << d.rotational_coupling;
+  key("damping_time") << 2e-3;
+  out << EndMap << EndMap << Newline;
+
+  key("removal") << Flow << BeginMap;
+  key("rate") << 30;
+  key("stroke") << 0.2 * r;
+  out << EndMap << Newline;
+  key("device") << "touch" << Newline;
+  key("mapping") << Flow << BeginMap;
+  key("position_scale") << d.position_scale;
+  key("force_scale") << d.force_scale;
+  key("origin") << Flow << std::vector<double>{d.origin.x(), d.origin.y(), d.origin.z()};
+  out << EndMap << EndMap;
+  return std::string(out.c_str()) + '\n';
 }
 
 }  // namespace hapticd

@@ -60,7 +60,7 @@ void BodyContacts::find(const Bodies& bodies) {
   const auto capacity = static_cast<std::size_t>(max_body_contacts);
   if (candidates_.size() > capacity) {
     // Those that touched stay; then the nearest. What this leaves out joins when it turns out to matter.
-    const auto touched = [&](const ContactCandidate& e) {
+    const auto touched = [&](const BodyContactCandidate& e) {
       return std::any_of(memory_.begin(), memory_.end(), [&](const Remembered& m) {
         return m.pair == e.pair && m.node == e.node && !m.lambda.isZero(0);
       });
@@ -71,7 +71,7 @@ void BodyContacts::find(const Bodies& bodies) {
     std::sort(order.begin(), order.end());
     order.resize(capacity);
     std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-    std::vector<ContactCandidate> kept;
+    std::vector<BodyContactCandidate> kept;
     for (const auto& [key, i] : order) kept.push_back(std::move(candidates_[i]));
     candidates_ = std::move(kept);
   }
@@ -79,7 +79,7 @@ void BodyContacts::find(const Bodies& bodies) {
 }
 
 bool BodyContacts::touching(int a, int b) const {
-  return std::any_of(candidates_.begin(), candidates_.end(), [&](const ContactCandidate& e) {
+  return std::any_of(candidates_.begin(), candidates_.end(), [&](const BodyContactCandidate& e) {
     const ContactPair& p = pairs()[e.pair];
     return (p.points == a && p.faces == b) || (p.points == b && p.faces == a);
   });
@@ -88,7 +88,7 @@ bool BodyContacts::touching(int a, int b) const {
 void BodyContacts::index_contact_nodes(const Bodies& bodies) {
   contact_nodes_.resize(bodies.size());
   for (auto& nodes : contact_nodes_) nodes.clear();
-  for (const ContactCandidate& e : candidates_) {
+  for (const BodyContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
     if (bodies[p.points].deformable) contact_nodes_[p.points].push_back(e.node);
     if (bodies[p.faces].deformable)
@@ -156,13 +156,13 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
   solved_.clear();
   linearise(bodies);
   // At the start of the step: overlap of each node, from which its recovery is measured.
-  for (ContactCandidate& e : candidates_) {
+  for (BodyContactCandidate& e : candidates_) {
     e.gap = 0;
     for (const BodyContact& c : rows_)
       if (c.pair == e.pair && c.node == e.node) e.gap = std::min(e.gap, c.gap);
   }
   for (BodyContact& c : rows_)
-    for (const ContactCandidate& e : candidates_)
+    for (const BodyContactCandidate& e : candidates_)
       if (c.pair == e.pair && c.node == e.node) {
         const double allowed = std::min(0.0, e.gap + settings_.recovery_speed * h_);
         c.delta_free[0] += c.allowed - allowed;
@@ -171,7 +171,7 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
 }
 
 void BodyContacts::open_faces(const Bodies& bodies) {
-  for (ContactCandidate& e : candidates_) {
+  for (BodyContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
     const auto& faces = bodies[p.faces].surface.faces();
     const auto& y = bodies[p.faces].state.x;
@@ -191,7 +191,7 @@ double BodyContacts::linearise(const Bodies& bodies) {
   rows_.clear();
   std::vector<ContactFace> views;
   std::array<VertexFaceContact, max_vertex_face_contacts> touch;
-  for (const ContactCandidate& e : candidates_) {
+  for (const BodyContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
     const auto& faces = bodies[p.faces].surface.faces();
     views.clear();
@@ -293,7 +293,7 @@ void BodyContacts::remember() {
 }
 
 int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
-  std::vector<ContactCandidate> found;
+  std::vector<BodyContactCandidate> found;
   for (int k = 0; k < static_cast<int>(pairs().size()); ++k) {
     const ContactPair& p = pairs()[k];
     if (!moves(bodies[p.points]) && !moves(bodies[p.faces])) continue;
@@ -310,10 +310,10 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
   }
   int joined = 0;
   // A node that slid past the faces it was to meet: those it came to join.
-  std::erase_if(found, [&](ContactCandidate& e) {
+  std::erase_if(found, [&](BodyContactCandidate& e) {
     const auto known = std::find_if(
         candidates_.begin(), candidates_.end(),
-        [&](const ContactCandidate& other) { return other.pair == e.pair && other.node == e.node; });
+        [&](const BodyContactCandidate& other) { return other.pair == e.pair && other.node == e.node; });
     if (known == candidates_.end()) return false;
     std::vector<int> both;
     std::set_union(known->faces.begin(), known->faces.end(), e.faces.begin(), e.faces.end(),
@@ -325,16 +325,16 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
   if (found.empty() && joined == 0) return 0;
   const auto capacity = static_cast<std::size_t>(max_body_contacts);
   if (candidates_.size() + found.size() > capacity)
-    std::erase_if(candidates_, [&](const ContactCandidate& e) {
+    std::erase_if(candidates_, [&](const BodyContactCandidate& e) {
       return std::none_of(solved_.begin(), solved_.end(), [&](const BodyContact& c) {
         return c.pair == e.pair && c.node == e.node && c.lambda[0] > 0;
       });
     });
   std::sort(found.begin(), found.end(),
-            [](const ContactCandidate& a, const ContactCandidate& b) { return a.gap < b.gap; });
+            [](const BodyContactCandidate& a, const BodyContactCandidate& b) { return a.gap < b.gap; });
   const std::size_t room = capacity - std::min(capacity, candidates_.size());
   if (found.size() > room) found.resize(room);
-  for (ContactCandidate& e : found) {
+  for (BodyContactCandidate& e : found) {
     e.margin = reference_margin * depth_of(bodies, pairs()[e.pair]);
     candidates_.push_back(std::move(e));
   }

@@ -181,8 +181,8 @@ class BodyContacts {
 
   BodyContactSettings settings_;
   double h_;
-  ContactCandidateFinder finder_;
-  std::vector<ContactCandidate> candidates_;
+  BodyContactCandidateFinder finder_;
+  std::vector<BodyContactCandidate> candidates_;
   std::vector<std::vector<int>> contact_nodes_;
   std::vector<Domain> domains_;
   std::vector<PatchNode> patch_;

@@ -117,11 +117,11 @@ Vec3 SurfaceNormals::feature(const Body& body, int f, const std::array<double, 3
   return face[f];
 }
 
-void ContactCandidateFinder::surface_changed(int body) {
+void BodyContactCandidateFinder::surface_changed(int body) {
   if (body < static_cast<int>(changed_.size())) changed_[body] = 1;
 }
 
-void ContactCandidateFinder::follow(const Bodies& bodies) {
+void BodyContactCandidateFinder::follow(const Bodies& bodies) {
   if (normals_.empty()) {
     normals_.resize(bodies.size());
     changed_.assign(bodies.size(), 0);
@@ -139,9 +139,9 @@ void ContactCandidateFinder::follow(const Bodies& bodies) {
   }
 }
 
-void ContactCandidateFinder::find(const Bodies& bodies, int pair, const Positions& positions,
+void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Positions& positions,
                                   const Margin& margin, double depth, double moved, double slack,
-                                  std::vector<ContactCandidate>& out) {
+                                  std::vector<BodyContactCandidate>& out) {
   const ContactPair& p = pairs_[pair];
   const SurfaceNormals &own = normals_[p.points], &theirs = normals_[p.faces];
   const auto& faces = bodies[p.faces].surface.faces();
@@ -219,7 +219,7 @@ void ContactCandidateFinder::find(const Bodies& bodies, int pair, const Position
       }
     });
     if (seen.empty() || !(gap < m)) continue;
-    ContactCandidate e{pair, node, m, gap, {}, {}};
+    BodyContactCandidate e{pair, node, m, gap, {}, {}};
     for (const Seen& s : seen)
       if (s.distance <= nearest + std::max(m, slack)) e.faces.push_back(s.face);
     std::sort(e.faces.begin(), e.faces.end());

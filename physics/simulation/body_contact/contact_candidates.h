@@ -34,7 +34,7 @@ struct ContactPair {
 };
 
 // A node and the faces that it may touch.
-struct ContactCandidate {
+struct BodyContactCandidate {
   int pair;
   int node;
   double margin;           // gap below which it matters [m]
@@ -61,9 +61,9 @@ struct SurfaceNormals {
 using Positions = std::function<std::span<const Vec3>(int body)>;
 using Margin = std::function<double(int pair, int node)>;
 
-class ContactCandidateFinder {
+class BodyContactCandidateFinder {
  public:
-  explicit ContactCandidateFinder(std::vector<ContactPair> pairs) : pairs_(std::move(pairs)) {}
+  explicit BodyContactCandidateFinder(std::vector<ContactPair> pairs) : pairs_(std::move(pairs)) {}
 
   std::span<const ContactPair> pairs() const { return pairs_; }
   const SurfaceNormals& normals(int body) const { return normals_[body]; }
@@ -78,7 +78,7 @@ class ContactCandidateFinder {
   // most `moved` from the bodies' present ones; nodes for which the margin is NaN are left out. Sorted by
   // node.
   void find(const Bodies& bodies, int pair, const Positions& x, const Margin& margin, double depth,
-            double moved, double slack, std::vector<ContactCandidate>& out);
+            double moved, double slack, std::vector<BodyContactCandidate>& out);
 
  private:
   std::vector<ContactPair> pairs_;

@@ -11,7 +11,7 @@ constexpr std::int64_t ms = 1'000'000;
 constexpr Feel two_newtons{{0, 0, 2}, {}, 0};
 constexpr std::array<double, 3> zero{};
 
-// A VertexFaceContact that may turn as well, 0.2 N and 0.02 N m a slot.
+// A Touch that may turn as well, 0.2 N and 0.02 N m a slot.
 DeviceSettings touch() {
   DeviceSettings limits;
   limits.max_force = 3;

@@ -14,15 +14,15 @@ const Material soft{5000, 0.4, 1000, 0, 2e-3};
 
 struct Scene {
   Bodies bodies;
-  ContactCandidateFinder finder{{ContactPair{0, 1, 0}}};
+  BodyContactCandidateFinder finder{{ContactPair{0, 1, 0}}};
 
   Scene(BodySettings points, BodySettings faces) {
     bodies.emplace_back(std::move(points), 0.02, Vec3::Zero());
     bodies.emplace_back(std::move(faces), 0.02, Vec3::Zero());
     finder.follow(bodies);
   }
-  std::vector<ContactCandidate> find(double margin, double depth = 1e-3) {
-    std::vector<ContactCandidate> out;
+  std::vector<BodyContactCandidate> find(double margin, double depth = 1e-3) {
+    std::vector<BodyContactCandidate> out;
     finder.find(
         bodies, 0, [&](int b) { return std::span<const Vec3>(bodies[b].state.x); },
         [&](int, int) { return margin; }, depth, 0, 0, out);
@@ -44,11 +44,11 @@ Scene rough_pair(std::uint32_t seed) {
 }
 
 // Against looking at every face.
-TEST(ContactCandidates, FindsEveryNodeThatIsNearAndNoOther) {
+TEST(BodyContactCandidates, FindsEveryNodeThatIsNearAndNoOther) {
   for (std::uint32_t seed = 1; seed < 20; ++seed) {
     Scene scene = rough_pair(seed);
     const double margin = 4e-4;
-    const std::vector<ContactCandidate> found = scene.find(margin);
+    const std::vector<BodyContactCandidate> found = scene.find(margin);
     const Body &points = scene.bodies[0], &faces = scene.bodies[1];
     int near = 0;
     for (const int n : scene.finder.normals(0).nodes) {
@@ -63,13 +63,13 @@ TEST(ContactCandidates, FindsEveryNodeThatIsNearAndNoOther) {
       const bool is_near = nearest < margin;
       near += is_near;
       const bool listed =
-          std::any_of(found.begin(), found.end(), [&](const ContactCandidate& e) { return e.node == n; });
+          std::any_of(found.begin(), found.end(), [&](const BodyContactCandidate& e) { return e.node == n; });
       if (is_near) {
         EXPECT_TRUE(listed) << seed << ' ' << n;
       } else if (listed) {
         // Inside, then, and deeper than the margin.
         EXPECT_LT(
-            std::find_if(found.begin(), found.end(), [&](const ContactCandidate& e) { return e.node == n; })
+            std::find_if(found.begin(), found.end(), [&](const BodyContactCandidate& e) { return e.node == n; })
                 ->gap,
             0);
       }
@@ -79,7 +79,7 @@ TEST(ContactCandidates, FindsEveryNodeThatIsNearAndNoOther) {
 }
 
 // A node in a thin wall sees the side it came through, never the back.
-TEST(ContactCandidates, TheBackOfAWallIsNotSeen) {
+TEST(BodyContactCandidates, TheBackOfAWallIsNotSeen) {
   const double thick = 3e-4;
   BodySettings wall =
       slab("wall", Vec3(0.02, 0.02, thick), {8, 8, 1}, {Vec3(-0.01, -0.01, -thick), Quat::Identity()});
@@ -89,14 +89,14 @@ TEST(ContactCandidates, TheBackOfAWallIsNotSeen) {
                 wall);
     const auto found = scene.find(1e-5);
     EXPECT_EQ(found.size(), 9u) << depth;
-    for (const ContactCandidate& e : found) {
+    for (const BodyContactCandidate& e : found) {
       EXPECT_NEAR(e.gap, -depth, 1e-12);
       for (const int f : e.faces) EXPECT_NEAR(scene.finder.normals(1).face[f].z(), 1, 1e-12);
     }
   }
 }
 
-TEST(ContactCandidates, FollowASurfaceThatIsEatenAway) {
+TEST(BodyContactCandidates, FollowASurfaceThatIsEatenAway) {
   BodySettings lower =
       block("lower", Vec3(0.01, 0.01, 4e-3), {5, 5, 2}, soft, {Vec3(0, 0, -4e-3), Quat::Identity()});
   Scene scene(
@@ -117,7 +117,7 @@ TEST(ContactCandidates, FollowASurfaceThatIsEatenAway) {
   EXPECT_TRUE(scene.find(1e-4).empty());
   const auto found = scene.find(2.1e-3);
   EXPECT_GE(found.size(), 9u);
-  for (const ContactCandidate& e : found) EXPECT_GE(e.gap, 2e-3);
+  for (const BodyContactCandidate& e : found) EXPECT_GE(e.gap, 2e-3);
 }
 
 }  // namespace
