@@ -88,7 +88,7 @@ class Simulation {
                      });
     for (ReferenceJob& job : world_->wanted_references()) {
       try {
-        job.base->make();
+        job.reference->make();
       } catch (const std::runtime_error&) {
         job.failed = true;
       }

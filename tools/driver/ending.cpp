@@ -32,12 +32,12 @@ void write_last_zero() noexcept {
   if (!device) return;
   // Whoever wrote may have held a lock of the device's when it died.
   signal(SIGALRM, SIG_DFL);
-  wakeup_timer(1);
+  alarm(1);
   try {
     device->write({});
   } catch (...) {  // the process ends for another reason, which is the one to tell
   }
-  wakeup_timer(0);
+  alarm(0);
 }
 
 void on_polite_signal(int) { asked_to_end.store(true); }

@@ -107,7 +107,7 @@ class Simulation {
     for (ReferenceJob& job : world_->wanted_references()) {
       const offline::Cost cost(result_.bases, counts);
       try {
-        job.base->make();
+        job.reference->make();
       } catch (const std::runtime_error&) {
         job.failed = true;
       }

@@ -124,7 +124,7 @@ class Trial {
     const StepReport r =
         world_->step([&] { return strokes_.at(begin + (asked++ > 0 ? settings_.h / 4 : 0)); }, *next_);
     for (ReferenceJob& job : world_->wanted_references()) {
-      job.base->make();
+      job.reference->make();
       world_->adopt(std::move(job));
     }
     spent_ += std::chrono::steady_clock::now() - started;

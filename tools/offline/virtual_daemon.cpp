@@ -74,7 +74,7 @@ void VirtualDaemon::step(double begin) {
           .contact;
   for (ReferenceJob& job : world_->wanted_references()) {
     try {
-      job.base->make();
+      job.reference->make();
     } catch (const std::runtime_error&) {
       job.failed = true;
     }

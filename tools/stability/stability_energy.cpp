@@ -98,7 +98,7 @@ StabilityTrial left_alone(const Setup& setup, double young, const Way& way, bool
   for (int k = 0; k < steps; ++k) {
     const double t = k * settings.h;
     for (ReferenceJob& job : world.wanted_references()) {
-      job.base->make();
+      job.reference->make();
       world.adopt(std::move(job));
     }
     const std::vector<int> gone = setup.removed(t - settings.h, t);

@@ -183,10 +183,10 @@ TEST_P(EveryMethod, StaysExactForAThousandRemovalsAtThePapersSize) {
     if (k % 50 != 0) continue;
     compliance->update(state);
     if (compliance->report().health == ComplianceHealth::good) continue;
-    std::unique_ptr<ReferenceFactor> reference = compliance->snapshot_reference(state);
+    std::unique_ptr<ReferenceFactor> factor = compliance->snapshot_reference(state);
     ASSERT_TRUE(reference);
     reference->make();
-    compliance->adopt_reference(std::move(reference), state);
+    compliance->adopt_reference(std::move(factor), state);
   }
   compliance->update(state);
   const auto fresh = make_compliance(ComplianceMethod::exact, model, h);
@@ -251,12 +251,12 @@ TEST_P(EveryMethod, ABaseMadeElsewhereTakesOverWithTheRemovalsSince) {
     compliance->update(state);
   };
   take_out(0, 20);
-  std::unique_ptr<ReferenceFactor> reference = compliance->snapshot_reference(state);
-  if (!reference) GTEST_SKIP() << "keeps no base";
+  std::unique_ptr<ReferenceFactor> factor = compliance->snapshot_reference(state);
+  if (!factor) GTEST_SKIP() << "keeps no reference factor";
   take_out(20, 20);
-  reference->make();
+  factor->make();
   take_out(40, 20);
-  compliance->adopt_reference(std::move(reference), state);
+  compliance->adopt_reference(std::move(factor), state);
   compliance->update(state);
   const MatX C = reference(model, state);
   EXPECT_LT(patch_error(*compliance, C, zone), 1e-10);

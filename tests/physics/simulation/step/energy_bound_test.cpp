@@ -208,7 +208,7 @@ TEST_P(FreeBody, RestsWhenItIsLetGo) {
   double before = 0, most = 0, rise = 0;
   for (int k = 0; k < 200; ++k) {
     for (ReferenceJob& job : world.wanted_references()) {
-      job.base->make();
+      job.reference->make();
       world.adopt(std::move(job));
     }
     InstrumentSample sample;
