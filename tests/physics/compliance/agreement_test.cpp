@@ -184,8 +184,8 @@ TEST_P(EveryMethod, StaysExactForAThousandRemovalsAtThePapersSize) {
     compliance->update(state);
     if (compliance->report().health == ComplianceHealth::good) continue;
     std::unique_ptr<ReferenceFactor> factor = compliance->snapshot_reference(state);
-    ASSERT_TRUE(reference);
-    reference->make();
+    ASSERT_TRUE(factor);
+    factor->make();
     compliance->adopt_reference(std::move(factor), state);
   }
   compliance->update(state);
