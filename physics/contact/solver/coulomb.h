@@ -1,39 +1,20 @@
 // Contact with Coulomb friction: a nonlinear complementarity problem with the *circular* cone, solved by
-// block Gauss-Seidel with an exact local solve of each 3×3 contact, finished by a reduced Newton.
+// predicted Newton steps, block Gauss-Seidel with exact local solves, and a reduced semi-smooth Newton.
 //
 //   δ = (W + ε D) λ + q;   per contact: 0 ≤ δ_n ⟂ λ_n ≥ 0,  ‖λ_t‖ ≤ μ λ_n,
 //   sliding: δ_t = −c λ_t with c > 0 and ‖λ_t‖ = μ λ_n
 //   D_i = tr W_ii / 3 · I per contact (isotropic, so that the tangents' choice cannot matter)
 //
-// Local solve: open if q_n ≥ 0; stick if −W_ii⁻¹ q lies in the cone; else slip, one scalar root
-// ‖λ_t(c)‖ = μ λ_n(c) by safeguarded Newton on the 2×2 Schur complement's eigenbasis.
-// Newton: y = λ − ρ δ, ρ_i = 3/tr W_ii sorts the contacts (Alart and Curnier 1991): open y_n ≤ 0, no
-// unknown; stick ‖y_t‖ ≤ μ y_n, three unknowns, δ = 0; slip, two: λ_n and a turn τ of λ_t = μ λ_n d;
-// δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n): the semi-smooth Newton step, without the
-// unknowns that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also
-// from one solve to the next. A step is kept if the merit, ½ of Alart and Curnier's residual squared, falls,
-// after halvings if need be; where it does not, some are taken without asking, for a direction of slip that
-// turns far raises the merit before it falls; a merit 1e5 times as large ends that. Then the same with a
-// shifted Jacobian, the shift shrinking as steps serve; with steps held in the cones, whose pulled contacts
-// leave; with ρ ten- and a hundredfold; then from zero, after 4, 8, … 32 sweeps.
-// Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where Newton stalls, shifted
-// too, on an LU with pivots 1e5 apart, ε is raised to `raised_diagonal` for this solve and the next 20, and
-// the result says so; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more
-// round with the budgets again. An open contact costs one comparison in a sweep. Deadline: looked at after
-// every sweep and before every LU, whose cost is predicted from the last ones. Newton ends in time for two
-// sweeps from wherever its steps are, also those taken without asking: sums of forces, and so wrenches, are
-// right after one or two steps, long before the residual falls, and a sweep keeps them, where cutting a raw
-// step off at the cones may change them by 1 %. δ_t is the slip over the solve's period (m), W [m/N], λ [N];
-// rows ordered n, t1, t2 per contact. μ = 0 is a frictionless contact among others. Existence: for every SPD
-// W and q with W positive definite a solution of the local problem exists; for the whole, where some motion
-// opens all contacts at once and μ‖W_nt‖ is small against W_nn; it need not where a motion jams (Painlevé).
-// Uniqueness is not claimed for large μ. Status and residual are those of the λ returned. Residual: natural
-// map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖ / scale, de Saxcé's correction. Errors: a status.
-// `iteration_cap`, `deadline`: λ is, by residual, the best that a sweep has left; `not_finite` (NaN or
-// infinity in W, q or μ, a negative μ, q beyond 1e150) and `too_large` (more contacts than the workspace was
-// made for): λ is zero. A warm start of more than 1e6 times the free gaps' forces is dropped: its rounding
-// would be taken for an answer. Guarantee: no allocation, wait-free, bounded by 2 max_sweeps × contacts² and
-// 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a product of W.
+// Units and shapes: W [m/N], λ [N], q and δ [m], δ_t the slip over the solve's period; rows n, t1, t2 a
+// contact; μ = 0 is a frictionless contact among others. Residual: natural map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i
+// + μ‖δ_t‖ n))‖ / scale, ρ_i = 3/tr W_ii, de Saxcé's correction. Status and residual are those of the λ
+// returned. Errors: a status. `iteration_cap`, `deadline`: λ is, by residual, the best that a sweep has left;
+// `not_finite` (NaN or infinity in W, q or μ, a negative μ, q beyond 1e150) and `too_large` (more contacts
+// than the workspace was made for): λ is zero. A warm start of more than 1e6 times the free gaps' forces is
+// dropped: its rounding would be taken for an answer. Guarantee: no allocation, wait-free, bounded by 2
+// max_sweeps × contacts² and 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a
+// product of W. Source: Alart and Curnier 1991; de Saxcé and Feng 1998; coulomb_solve.cpp has how, where this
+// departs from them, and what is known of existence and uniqueness.
 #pragma once
 
 #include <span>
@@ -51,7 +32,7 @@ constexpr double sticking_slip = 1e-6;        // … or with less slip than this
 struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;
-  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 solves after
+  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 to 320 solves after
   int max_sweeps = 200;
   int max_newton = 300;  // steps in all; 0: sweeps only
   Deadline deadline;
@@ -65,7 +46,9 @@ struct CoulombResult {
   int active = 0;  // contacts with λ_n > 0
   int sliding = 0;
   double residual = 0;  // of W + ε D with …
+  // … this ε; 0: of W itself. A raised one is counted from the workspace's `anchor`: ε D (λ − anchor).
   double relative_diagonal = 0;
+  int rounds = 0;  // solved, in which a raised diagonal was taken off
 };
 
 // One contact's matrix, prepared for many right-hand sides.
@@ -138,9 +121,12 @@ struct CoulombWorkspace {
   std::vector<double> column;
   std::vector<double> step;
   std::vector<double> anchor;  // forces that a raised diagonal is counted from
+  std::vector<double> last_anchor;
   CoulombFactor factor;
   std::uint64_t finite_version = 0;  // of the last W that was seen to be finite; 0: none
-  int raised = 0;                    // solves still to come with the raised diagonal
+  int raised = 0;                    // solves still to come with the raised diagonal …
+  int last_raised = 0;               // … of so many; 0: none since one was solved without
+  std::int64_t polish_ns = 0;        // of the last two sweeps, where there was a clock
 };
 
 // One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.

@@ -23,7 +23,8 @@ class Pivoting {
     for (int i = 0; i < n_; ++i) {
       ws_.diagonal[i] = std::max(W_(i, i), least_diagonal * largest);
       ws_.root[i] = std::sqrt(ws_.diagonal[i]);
-      q_scale_ = std::max(q_scale_, std::abs(q_[i]) / ws_.diagonal[i]);
+      // An open gap asks for no force; where W_ii is near 0 it would ask for one beyond all others.
+      q_scale_ = std::max(q_scale_, -q_[i] / ws_.diagonal[i]);
     }
     rigid_ = largest <= 0;
   }
@@ -58,6 +59,7 @@ class Pivoting {
   double natural_map() const noexcept {
     double scale = q_scale_, worst = 0;
     for (int i = 0; i < n_; ++i) {
+      if (!std::isfinite(ws_.w[i])) return std::numeric_limits<double>::infinity();
       scale = std::max(scale, z_[i]);
       worst = std::max(worst, std::abs(std::min(z_[i], ws_.w[i] / ws_.diagonal[i])));
     }

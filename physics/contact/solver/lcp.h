@@ -17,7 +17,7 @@
 // in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
 // Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
 // feasible iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite`
-// (NaN or infinity in W or q) and with `too_large` (more rows than the workspace was made for) it is zero.
+// (NaN or infinity in W, q or w) and with `too_large` (more rows than the workspace was made for) it is zero.
 // Status and residual are those of the z returned. z is never negative. Entries with W_ii = 0 that W couples
 // to nothing stay at zero. Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of
 // active³/3 flops.
@@ -58,7 +58,7 @@ struct LcpResult {
   int pivots = 0;          // changes of the active set
   bool fell_back = false;  // the descent by single exchanges was needed
   int active = 0;
-  double residual = 0;  // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i |q_i| / W_ii): natural map
+  double residual = 0;  // max_i |min(z_i, w_i / W_ii)| / max(max_i z_i, max_i −q_i / W_ii): natural map
 };
 
 // One owner. Made for so many rows at the most, and allocated then.

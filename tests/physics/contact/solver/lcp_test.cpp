@@ -308,5 +308,31 @@ TEST(Lcp, NoRowsAndAMatrixOfZerosAreHarmless) {
   EXPECT_EQ(solve(MatX::Zero(2, 2), two(1, -1)).result.status, SolveStatus::iteration_cap);
 }
 
+// z = 0 leaves the first gap closed by its whole size, whatever the second, open one would take to move: it
+// has next to no compliance.
+TEST(Lcp, ResidualIsNotMeasuredAgainstOpenRows) {
+  MatX W = MatX::Zero(2, 2);
+  W.diagonal() = two(1, 1e-14);
+  LcpOptions options;
+  options.max_pivots = 0;
+  const Solved s = solve(W, two(-1, 1), options);
+  EXPECT_EQ(s.z, two(0, 0));
+  EXPECT_EQ(s.result.status, SolveStatus::iteration_cap);
+  EXPECT_NEAR(s.result.residual, 1, 1e-12);
+}
+
+// Each z is finite, and 1e150 of the one against 1e150 of the other is no number for the third row.
+TEST(Lcp, GapsThatAreNoNumbersAreNotSolved) {
+  MatX W = MatX::Identity(3, 3);
+  W(2, 0) = W(0, 2) = 1e150;
+  W(2, 1) = W(1, 2) = -1e150;
+  W(2, 2) = 3e300;
+  VecX q(3);
+  q << -1e160, -1e160, 1;
+  const Solved s = solve(W, q, {});
+  EXPECT_EQ(s.result.status, SolveStatus::not_finite);
+  EXPECT_TRUE(s.z.isZero(0));
+}
+
 }  // namespace
 }  // namespace hapticd

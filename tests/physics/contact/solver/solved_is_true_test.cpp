@@ -202,5 +202,16 @@ TEST(SolvedIsTrue, WhateverTheStart) {
   }
 }
 
+TEST(SolvedIsTrue, AResidualOfNoNumberIsNoNumber) {
+  const MatX W = MatX::Identity(6, 6);
+  const VecX q = VecX::Constant(6, -1);
+  const std::vector<double> mu(2, 0.4);
+  for (int i = 0; i < 6; ++i) {
+    VecX lambda = VecX::Ones(6);
+    lambda[i] = nan;
+    EXPECT_FALSE(coulomb_residual(W, q, lambda, mu) >= 0) << i;
+  }
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -1,0 +1,105 @@
+// What a force sample says of contacts that are not held: lost, and dropped.
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "haptic/haptic_step.h"
+#include "tests/haptic/wall.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t ms = 1'000'000;
+
+// A device that holds still over the wall, at a scale of 1.
+struct ContactStatus : testing::Test {
+  DeviceSettings device;
+  Instrument instrument = wall::instrument();
+  std::unique_ptr<CondensedProblem> problem = std::make_unique<CondensedProblem>();
+  HapticOptions options;
+  std::unique_ptr<HapticState> state = std::make_unique<HapticState>();
+
+  ContactStatus() {
+    device.max_force = 3;
+    device.max_torque = 0.1;
+    device.max_force_rate = 1e4;
+    device.max_speed = 1;
+    device.damping = 4;
+    wall::make(*problem, 1, 0);
+  }
+  // The last of some ticks with the tip's centre at this height.
+  ForceSample at(double height) {
+    ForceSample sample;
+    for (int k = 1; k <= 10; ++k) {
+      HapticInput in;
+      in.now_ns = problem->published_ns = (1000 + k) * ms;
+      in.presence.connected = true;
+      in.presence.new_client = k == 1;
+      in.taken = true;
+      in.sample.sequence = k;
+      in.sample.received_ns = in.now_ns;
+      in.sample.enable = true;
+      in.sample.pose.p = Vec3(0, 0, height);
+      sample = haptic_step(problem.get(), instrument, device, options, in, *state);
+    }
+    return sample;
+  }
+  // side × side samples in a square of 0.4 mm, which a tip 0.2 mm deep covers.
+  void wall_of(int side) {
+    const PatchSample first = problem->sample[0];
+    problem->samples = side * side;
+    for (int k = 0; k < side * side; ++k) {
+      problem->sample[k] = first;
+      problem->sample[k].id = k + 1;
+      problem->sample[k].free =
+          0.4e-3 * Vec3(k / side / (side - 1.0) - 0.5, k % side / (side - 1.0) - 0.5, 0);
+    }
+  }
+};
+
+// From below the wall's sample shows its inner side: it is no row, whatever its overlap.
+TEST_F(ContactStatus, LostWhereASampleDeepInsideHasNoRow) {
+  const ForceSample f = at(-wall::radius + 0.2e-3);
+  EXPECT_EQ(f.status, status_contact_lost);
+  EXPECT_EQ(f.contacts, 0u);
+  EXPECT_EQ(f.force, Vec3::Zero());
+  EXPECT_NEAR(f.penetration, 0.2e-3, 1e-12);
+}
+
+TEST_F(ContactStatus, NotLostWithinATenthOfAMillimetre) {
+  const ForceSample f = at(-wall::radius + 0.05e-3);
+  EXPECT_EQ(f.status, 0u);
+  EXPECT_NEAR(f.penetration, 0.05e-3, 1e-12);
+}
+
+// From above the same overlap of the free wall is held by a row.
+TEST_F(ContactStatus, NotLostWhereARowHoldsTheSample) {
+  const ForceSample f = at(wall::radius - 0.2e-3);
+  EXPECT_EQ(f.status, 0u);
+  EXPECT_EQ(f.active, 1u);
+}
+
+TEST_F(ContactStatus, DroppedWhereMoreSamplesOverlapThanContactsFit) {
+  wall_of(11);
+  const ForceSample f = at(wall::radius - 0.2e-3);
+  EXPECT_TRUE(f.status & status_contacts_dropped);
+  EXPECT_EQ(f.contacts, unsigned(max_contacts));
+  EXPECT_EQ(f.dropped, 121u - max_contacts);
+}
+
+TEST_F(ContactStatus, NothingDroppedWhereAllFit) {
+  wall_of(10);
+  const ForceSample f = at(wall::radius - 0.2e-3);
+  EXPECT_FALSE(f.status & status_contacts_dropped);
+  EXPECT_EQ(f.contacts, 100u);
+  EXPECT_EQ(f.dropped, 0u);
+}
+
+// The simulation says so of samples that did not fit the patch.
+TEST_F(ContactStatus, DroppedWhereThePatchWasTooSmall) {
+  problem->dropped_samples = 1;
+  EXPECT_EQ(at(wall::radius - 0.2e-3).status, status_contacts_dropped);
+}
+
+}  // namespace
+}  // namespace hapticd
