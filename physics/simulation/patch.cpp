@@ -71,7 +71,7 @@ double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instr
     std::array<Vec3, 3> x;
     for (int c = 0; c < 3; ++c) {
       x[c] = body.state.x[t[c]];
-      if (body.deformable) x[c] += static_cast<double>(p) / parts * body.dx_free.segment<3>(3 * t[c]);
+      if (body.deformable) x[c] += static_cast<double>(p) / parts * body.free.dx.segment<3>(3 * t[c]);
     }
     for (const auto& w :
          sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
@@ -159,7 +159,7 @@ void set_patch_positions(const Bodies& bodies, std::span<const PatchNode> nodes,
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const Body& body = bodies[nodes[i].body];
     problem.x_now[i] = body.state.x[nodes[i].node];
-    problem.x_free[i] = problem.x_now[i] + body.dx_free.segment<3>(3 * nodes[i].node);
+    problem.x_free[i] = problem.x_now[i] + body.free.dx.segment<3>(3 * nodes[i].node);
   }
   for (int k = 0; k < problem.samples; ++k) {
     PatchSample& s = problem.sample[k];

@@ -201,7 +201,7 @@ void World::factor(int b, StepReport& report) {
   }
   body.compliance->update(body.state);
   compute_free_motion(body, settings_.h);
-  if (!free_motion_plausible(body) || (makes_references_ && body.bounded_steps >= most_bounded)) {
+  if (!free_motion_plausible(body) || (makes_references_ && body.energy.bounded_steps >= most_bounded)) {
     make_reference(b, report);
     compute_free_motion(body, settings_.h);
   }
@@ -256,7 +256,7 @@ std::vector<int> World::patch_nodes_of(int b) const {
 void World::place_patch(CondensedProblem& problem) {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const Within free_motion(times(), StepPart::free_motion);
-    if (bodies_[b].forward_solved) know_free_motion(bodies_[b], patch_nodes_of(static_cast<int>(b)));
+    if (bodies_[b].free.forward_solved) know_free_motion(bodies_[b], patch_nodes_of(static_cast<int>(b)));
   }
   set_patch_positions(bodies_, gatherer_.nodes(), problem);
 }
@@ -290,8 +290,8 @@ void World::report_compliance(StepReport& report) {
     Body& body = bodies_[b];
     if (!body.deformable || body.asleep) continue;
     report.compliance.push_back({static_cast<int>(b), body.compliance->report()});
-    if (report.compliance.back().compliance.wants_reference) body.reference_wanted = true;
-    ++body.reference_steps;
+    if (report.compliance.back().compliance.wants_reference) body.reference.wanted = true;
+    ++body.reference.steps;
   }
 }
 
@@ -365,7 +365,7 @@ void World::correct_bodies(StepReport& report) {
             patch_force_.segment<3>(3 * static_cast<Eigen::Index>(i));
     if (contacts_.any()) contacts_.add_forces(static_cast<int>(b), contact_force_);
     correct(body, contact_force_.isZero(0) ? nullptr : &contact_force_, settings_.h, settings_.keeps_energy);
-    report.bounded_bodies += body.bounded_steps > 0;
+    report.bounded_bodies += body.energy.bounded_steps > 0;
   }
 }
 

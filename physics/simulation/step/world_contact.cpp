@@ -221,7 +221,7 @@ void World::predict_end(int b) {
   if (contacts_.any()) contacts_.add_forces(b, contact_force_);
   if (!contact_force_.isZero(0)) body.compliance->apply(contact_force_, contact_force_);
   for (std::size_t n = 0; n < x_end_[b].size(); ++n)
-    x_end_[b][n] += body.dx_free.segment<3>(3 * static_cast<Eigen::Index>(n)) +
+    x_end_[b][n] += body.free.dx.segment<3>(3 * static_cast<Eigen::Index>(n)) +
                     contact_force_.segment<3>(3 * static_cast<Eigen::Index>(n));
 }
 

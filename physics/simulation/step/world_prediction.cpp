@@ -23,7 +23,7 @@ bool World::looks_ahead() const {
 }
 
 bool World::foresees(const Body& body) const {
-  return looks_ahead() && body.in_halves && body.model.corotational &&
+  return looks_ahead() && body.free.in_halves && body.model.corotational &&
          body.model.material.law != Law::guarded;
 }
 
@@ -77,11 +77,11 @@ void World::predict_linearisation(const InstrumentSample& sample, CondensedProbl
       const Within free_motion(times(), StepPart::free_motion);
       finish_free_motion(body, touched ? &contact_force_ : nullptr);
     }
-    if (body.bounded_steps > 0 || !can_predict_linearisation(body)) {
+    if (body.energy.bounded_steps > 0 || !can_predict_linearisation(body)) {
       if (foresees(body)) fresh_free_motion(body, settings_.h);
       if (!touched || foresees(body)) continue;
       body.compliance->apply(contact_force_, contact_force_);
-      body.dx_free -= contact_force_;
+      body.free.dx -= contact_force_;
       continue;
     }
     if (sample.present) update_zone(static_cast<int>(b), there, of_body);
@@ -89,7 +89,7 @@ void World::predict_linearisation(const InstrumentSample& sample, CondensedProbl
     ahead_[b] = 1;
     if (free_motion_plausible(body)) continue;
     make_reference(static_cast<int>(b), report);
-    body.dx_free = body.dx_predicted;
+    body.free.dx = body.free.predicted;
     linearise_ahead(body, settings_.h);
   }
   compliance_of_patch(sample, problem, report);

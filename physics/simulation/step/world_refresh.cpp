@@ -53,7 +53,7 @@ VecX force_on(const NodeList& list, const VecX& patch_force) {
 
 // Of the zone's nodes, under a force on the list's first; right nowhere else.
 VecX motion_in_zone(Body& body, const NodeList& list, const VecX& force, const Condensed& change) {
-  VecX f = VecX::Zero(body.dx_free.size()), dx(body.dx_free.size());
+  VecX f = VecX::Zero(body.free.dx.size()), dx(body.free.dx.size());
   for (int i = 0; i < list.kept(); ++i) f.segment<3>(3 * list.nodes[i]) = force.segment<3>(3 * i);
   if (!change.changed.empty()) {
     const VecX of_change = force_of_change(change, force);
@@ -61,7 +61,7 @@ VecX motion_in_zone(Body& body, const NodeList& list, const VecX& force, const C
       f.segment<3>(3 * change.changed[g]) += of_change.segment<3>(static_cast<Eigen::Index>(3 * g));
   }
   body.compliance->apply_in_zone(f, dx);
-  return dx + body.dx_free;
+  return dx + body.free.dx;
 }
 
 }  // namespace

@@ -31,13 +31,13 @@ std::vector<ReferenceJob> World::wanted_references() {
   std::vector<ReferenceJob> jobs;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
-    if (!body.deformable || !body.reference_wanted || body.reference_under_way) continue;
-    if (body.reference_steps < rest_between_references) continue;
+    if (!body.deformable || !body.reference.wanted || body.reference.under_way) continue;
+    if (body.reference.steps < rest_between_references) continue;
     std::unique_ptr<ReferenceFactor> reference = body.compliance->snapshot_reference(body.state);
-    body.reference_wanted = false;
+    body.reference.wanted = false;
     if (!reference) continue;
-    body.reference_under_way = true;
-    body.reference_steps = 0;
+    body.reference.under_way = true;
+    body.reference.steps = 0;
     jobs.push_back({static_cast<int>(b), std::move(reference), false});
   }
   return jobs;
@@ -55,10 +55,10 @@ void World::adopt_references(StepReport& report) {
       waiting.push_back(std::move(job));
       continue;
     }
-    body.reference_under_way = false;
-    body.last_reference_steps = body.reference_steps;
-    body.reference_steps = 0;
-    if (std::exchange(body.reference_outdated, false) || job.failed || !job.reference) continue;
+    body.reference.under_way = false;
+    body.reference.last_steps = body.reference.steps;
+    body.reference.steps = 0;
+    if (std::exchange(body.reference.outdated, false) || job.failed || !job.reference) continue;
     body.compliance->adopt_reference(std::move(job.reference), body.state);
     ahead_[job.body] = 0;
     ++report.references_adopted;
@@ -73,10 +73,10 @@ std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const P
   const auto pose_in = [&](int steps) {
     Pose there = X;
     if (makes_references_)
-      there.p += pose_predictor_.in(std::min(longest_lead, steps), body.last_reference_steps);
+      there.p += pose_predictor_.in(std::min(longest_lead, steps), body.reference.last_steps);
     return there;
   };
-  const int adopted = body.last_reference_steps;
+  const int adopted = body.reference.last_steps;
   const int replaced = 2 * adopted + rest_between_references + (adopted + 3) / 4;  // or later
   // Of an arc a little more than what its chord says.
   const double way = 1.6 * (pose_in(replaced).p - pose_in(adopted).p).norm();
@@ -132,12 +132,12 @@ std::vector<World::ZoneNode> World::zone_at_instrument(const Body& body, const P
 void World::update_zone(int b, const InstrumentSample& sample, std::span<const int> nodes) {
   Body& body = bodies_[b];
   // Of the reference factor after the one in the making, the zone is chosen when that is adopted.
-  if (makes_references_ && body.reference_under_way) return;
+  if (makes_references_ && body.reference.under_way) return;
   // What is near now is where the instrument is no more when a reference factor made elsewhere comes into
   // use.
   const Pose* X = sample.present ? &sample.pose : nullptr;
   const bool covered = makes_references_ ? choose_zone(b, X, {}, nodes) : choose_zone(b, X, nodes, nodes);
-  if (!covered) body.reference_wanted = true;
+  if (!covered) body.reference.wanted = true;
   if (!covered && !makes_references_) ahead_[b] = 0;
 }
 
@@ -184,17 +184,17 @@ bool World::free_motion_plausible(Body& body) {
   const auto within = [&](double edges) {
     double largest = 0;
     for (int n = 0; n < body.model.node_count(); ++n)
-      largest = std::max(largest, body.dx_free.segment<3>(3 * n).squaredNorm());
+      largest = std::max(largest, body.free.dx.segment<3>(3 * n).squaredNorm());
     return largest <= edges * edges * body.edge * body.edge;
   };
-  if (body.forward_solved) {
+  if (body.free.forward_solved) {
     const double fast = body.edge / settings_.h;
     const bool slow = std::all_of(body.state.v.begin(), body.state.v.end(),
                                   [&](const Vec3& v) { return v.squaredNorm() < fast * fast; });
     if (slow && within(most_plausible)) return true;
     finish_free_motion(body, nullptr);
   }
-  return within(most_plausible) || body.compliance->disagreement(body.state, body.dx_free) < 1;
+  return within(most_plausible) || body.compliance->disagreement(body.state, body.free.dx) < 1;
 }
 
 // Of the present state, in this step, however long that takes.
@@ -206,7 +206,7 @@ void World::make_reference(int b, StepReport& report) {
   reference->make();
   body.compliance->adopt_reference(std::move(reference), body.state);
   body.compliance->update(body.state);
-  body.reference_outdated = body.reference_under_way;
+  body.reference.outdated = body.reference.under_way;
   ++report.synchronous_references;
 }
 
