@@ -1,4 +1,5 @@
-// One body of the scene while it is simulated: model, state and compliance; and what stages of a step keep of it.
+// One body of the scene while it is simulated: model, state and compliance; and what stages of a step keep of
+// it.
 //
 // A rigid body is a fixed obstacle: it has a surface and no unknowns.
 // Units: m, N. Shapes: vectors have 3·nodes entries. Errors: std::invalid_argument from the constructor.
@@ -30,15 +31,6 @@ struct BodySettings {
   bool dynamic = true;           // deformable only; false: no inertia and no damping; it is held, never cut
 };
 
-// Whether a reference factor is being made elsewhere, since when, and how long the last took.
-struct ReferenceProgress {
-  bool wanted = false;
-  bool under_way = false;
-  bool outdated = false;  // under way, but a step has made a newer one itself
-  int steps = 0;
-  int last_steps = 2;
-};
-
 // Nothing here outlives the function that fills it.
 struct BodyScratch {
   VecX force;
@@ -66,7 +58,6 @@ struct Body {
   FreeMotion free;
   Correction corrected;
   EnergyLedger energy;
-  ReferenceProgress reference;
   BodyScratch scratch;
 
   Body(BodySettings settings, double h, const Vec3& gravity,

@@ -155,6 +155,21 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
             [](const PatchSample& a, const PatchSample& b) { return a.id < b.id; });
 }
 
+std::vector<int> PatchGatherer::nodes_of(int body) const {
+  std::vector<int> nodes;
+  for (const PatchNode& n : nodes_)
+    if (n.body == body) nodes.push_back(n.node);
+  return nodes;
+}
+
+VecX force_on_body(const Body& body, int index, std::span<const PatchNode> nodes, const VecX& patch_force) {
+  VecX f = VecX::Zero(3 * body.model.node_count());
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i].body == index)
+      f.segment<3>(3 * nodes[i].node) += patch_force.segment<3>(3 * static_cast<Eigen::Index>(i));
+  return f;
+}
+
 void set_patch_positions(const Bodies& bodies, std::span<const PatchNode> nodes, CondensedProblem& problem) {
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const Body& body = bodies[nodes[i].body];
