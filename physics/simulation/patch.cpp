@@ -71,7 +71,7 @@ double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instr
     std::array<Vec3, 3> x;
     for (int c = 0; c < 3; ++c) {
       x[c] = body.state.x[t[c]];
-      if (body.deformable) x[c] += static_cast<double>(p) / parts * body.dx_free.segment<3>(3 * t[c]);
+      if (body.deformable) x[c] += static_cast<double>(p) / parts * body.free.dx.segment<3>(3 * t[c]);
     }
     for (const auto& w :
          sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
@@ -155,11 +155,26 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
             [](const PatchSample& a, const PatchSample& b) { return a.id < b.id; });
 }
 
+std::vector<int> PatchGatherer::nodes_of(int body) const {
+  std::vector<int> nodes;
+  for (const PatchNode& n : nodes_)
+    if (n.body == body) nodes.push_back(n.node);
+  return nodes;
+}
+
+VecX force_on_body(const Body& body, int index, std::span<const PatchNode> nodes, const VecX& patch_force) {
+  VecX f = VecX::Zero(3 * body.model.node_count());
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i].body == index)
+      f.segment<3>(3 * nodes[i].node) += patch_force.segment<3>(3 * static_cast<Eigen::Index>(i));
+  return f;
+}
+
 void set_patch_positions(const Bodies& bodies, std::span<const PatchNode> nodes, CondensedProblem& problem) {
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const Body& body = bodies[nodes[i].body];
     problem.x_now[i] = body.state.x[nodes[i].node];
-    problem.x_free[i] = problem.x_now[i] + body.dx_free.segment<3>(3 * nodes[i].node);
+    problem.x_free[i] = problem.x_now[i] + body.free.dx.segment<3>(3 * nodes[i].node);
   }
   for (int k = 0; k < problem.samples; ++k) {
     PatchSample& s = problem.sample[k];

@@ -35,6 +35,7 @@ class PatchGatherer {
               std::span<const NearFace> candidates, CondensedProblem& problem);
 
   std::span<const PatchNode> nodes() const { return nodes_; }
+  std::vector<int> nodes_of(int body) const;  // in the order of `nodes`
 
  private:
   struct Candidate {
@@ -53,6 +54,9 @@ class PatchGatherer {
 
 // x_now = x, x_free = x + Δx_free of the patch's nodes, and the outward normals of its samples.
 void set_patch_positions(const Bodies& bodies, std::span<const PatchNode> nodes, CondensedProblem& problem);
+
+// A force on the patch's nodes [N], as one on all nodes of a body.
+VecX force_on_body(const Body& body, int index, std::span<const PatchNode> nodes, const VecX& patch_force);
 
 // Barycentric weights of a triangle's samples, for k subdivisions: k² entries.
 const std::vector<std::array<double, 3>>& sample_weights(int subdivisions);

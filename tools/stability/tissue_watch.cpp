@@ -90,7 +90,8 @@ void TissueWatch::look_at_energy(const Body& body, Watched& watched, TissueExtre
     if (pieces.of_node[n] < 0) continue;
     Watched::Piece& p = watched.piece[pieces.of_node[n]];
     p.energy += 0.5 * body.state.mass[n] * body.state.v[n].squaredNorm();
-    if (body.pressed.size() > 0 && !body.pressed.segment<3>(3 * static_cast<Eigen::Index>(n)).isZero(0))
+    if (body.corrected.force.size() > 0 &&
+        !body.corrected.force.segment<3>(3 * static_cast<Eigen::Index>(n)).isZero(0))
       p.since = -1;
   }
   for (int k = 0; k < pieces.count(); ++k) {

@@ -146,7 +146,7 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
     d.free.clear();
     for (const int n : d.nodes) {
       d.start.push_back(bodies[b].state.x[n]);
-      d.free.push_back(bodies[b].state.x[n] + bodies[b].dx_free.segment<3>(3 * n));
+      d.free.push_back(bodies[b].state.x[n] + bodies[b].free.dx.segment<3>(3 * n));
     }
     d.linear = d.start;
   }

@@ -1,26 +1,17 @@
 // Contact between bodies: rows, W, solve, and their elimination from the patch that the instrument feels.
 //
-//   rows of all touches (n, t₁, t₂):  H = Fᵀ (E_node − Σ w_c E_c),  W = Σ_bodies H C Hᵀ
+//   rows of all contacts (n, t₁, t₂):  H = Fᵀ (E_node − Σ w_c E_c),  W = Σ_bodies H C Hᵀ
 //   δ = W λ + δ_free + H C f,  0 ≤ δ_n ⟂ λ_n ≥ 0,  ‖λ_t‖ ≤ μ λ_n          (f: the instrument's force, given)
 //   δ_n,free = gap(x_lin) + n·(relative x_free − x_lin) − allowed,   allowed = min(0, gap_start + v h)
 //   δ_t,free = Tᵀ(relative x_free − x_start): slip over the step
 //
-// Elimination, with A the rows that are closed (normals) or stick (tangents), D = mean diagonals, ε = 1e-9:
-//   C'_pp    = C_pp − Yᵀ (A W Aᵀ + εD)⁻¹ Y,   Y = A H C_bp
-//   x'_free  = x_free + C_pb Hᵀ λ + (C_pp − C'_pp) f
-// so what is published feels the other bodies through the tissue and costs the haptic loop nothing; at f
-// itself it is exact. Approximated between two steps: which contacts are closed, which stick, and the
-// friction of those that slide do not change with the device, nor do the normals. In the simulation step
-// nothing of this is frozen: bodies and instrument are solved as one problem (`solve_with`).
-// Recovery: a node found inside is let out at no more than v = `recovery_speed`, so that deep penetration
-// ends without a burst; `allowed` is 0 for all that were outside.
-// Working set: of some two hundred contacts within reach a dozen close. Solved are those that carried force (if
-// none: those that free motion closes); then every other is looked at under the forces found, and those that
-// overlap by a nanometre join, until none does: the same solution for a small part of the work.
-// Capacity: max_body_contacts touches. Over it, touches that carried force come first, then the deepest
-// (before the first solve: in free motion); `dropped` counts the others that overlap where the solve has left
-// them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row.
-// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners.
+// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners. In the simulation
+// step bodies and instrument are solved as one problem (`solve_with`); what is published has the contacts
+// eliminated (`condense`; equations and what that freezes: body_contact_condense.cpp).
+// Recovery: a node found inside is let out at no more than v = `recovery_speed`; `allowed` is 0 for all that
+// were outside. Capacity: max_body_contacts; above it, contacts that carried force come first, then the deepest
+// (before the first solve: in free motion), and `dropped` counts the others that overlap where the solve has
+// left them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row.
 // Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status; the best iterate is used.
 // Allocates: for the simulation thread only. Source: as contact/rows.h; the Schur complement is ours.
 #pragma once

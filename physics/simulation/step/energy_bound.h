@@ -20,6 +20,13 @@ namespace hapticd {
 // ½ Σ m ‖v‖² [J]
 double kinetic_energy(const TissueModel& model, const TissueState& state) noexcept;
 
+// What a body knows of its energy from one step to the next.
+struct EnergyLedger {
+  Pieces pieces;          // of the live tissue; none: not known
+  VecX elastic;           // E of each at the state [J]; none: not known
+  int bounded_steps = 0;  // in a row, whose motion would have made energy
+};
+
 struct EnergyBound {
   double share = 1;  // θ, the least
   VecX elastic;      // E at the end of what is kept [J]

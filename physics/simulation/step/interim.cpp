@@ -30,7 +30,7 @@ class Linearisation {
   double per_mass() const { return per_mass_; }
   double stiffness() const { return 1 + damping_; }
 
-  Vec3 offset(int n) const { return ahead_ ? Vec3(body_.dx_predicted.segment<3>(3 * n)) : Vec3::Zero(); }
+  Vec3 offset(int n) const { return ahead_ ? Vec3(body_.free.predicted.segment<3>(3 * n)) : Vec3::Zero(); }
 
   // r_e by corner. Of an element turned with R, the force is R sym(RᵀF)'s; of its own rotation it is so
   // anyway.
@@ -136,7 +136,7 @@ bool woodbury_downdate(Body& body, std::span<const int> tets, std::span<const St
   VecX z(all);
   for (std::size_t i = 0; i < nodes.size(); ++i)
     z.segment<3>(static_cast<Eigen::Index>(3 * i)) =
-        body.dx_free.segment<3>(3 * nodes[i]) - at.offset(nodes[i]);
+        body.free.dx.segment<3>(3 * nodes[i]) - at.offset(nodes[i]);
   z.noalias() -= C_G * gone.r;
 
   MatX right(size, wanted + size + 1);  // rows G of C for the nodes kept, for G, and z
@@ -175,7 +175,7 @@ bool woodbury_downdate(Body& body, std::span<const int> tets, std::span<const St
   out.dx_pressed = C_all.topRows(wanted) * force;
   for (int i = 0; i < kept; ++i) {
     out.dx_free.segment<3>(3 * i) += at.offset(nodes[i]);
-    out.dx_pressed.segment<3>(3 * i) += body.dx_free.segment<3>(3 * nodes[i]);
+    out.dx_pressed.segment<3>(3 * i) += body.free.dx.segment<3>(3 * nodes[i]);
   }
   return true;
 }

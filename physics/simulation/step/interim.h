@@ -23,7 +23,7 @@ namespace hapticd {
 // What the factor that the body's compliance holds was linearised at.
 enum class Linearised : std::uint8_t {
   here,   // at x, of a linear body
-  ahead,  // at x + Body::dx_predicted, by linearise_ahead
+  ahead,  // at x + Body::free.predicted, by linearise_ahead
 };
 
 struct Condensed {

@@ -17,10 +17,10 @@
 namespace hapticd {
 
 // Of the corotational law, where no tetrahedron inverts and none is inverted: elsewhere a law linearised at
-// x_p is worth nothing, and its factor may not exist. Body::dx_free: Δx_p.
+// x_p is worth nothing, and its factor may not exist. Body::free.dx: Δx_p.
 bool can_predict_linearisation(const Body& body);
 
-// Body::dx_free: Δx_p in, Δx_free out; Body::dx_predicted: Δx_p.
+// Body::free.dx: Δx_p in, Δx_free out; Body::free.predicted: Δx_p.
 void linearise_ahead(Body& body, double h);
 
 }  // namespace hapticd

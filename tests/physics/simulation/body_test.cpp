@@ -54,7 +54,7 @@ struct Hinge {
 
   double longest_free_motion() const {
     double longest = 0;
-    for (const int n : flap) longest = std::max(longest, body.dx_free.segment<3>(3 * n).norm());
+    for (const int n : flap) longest = std::max(longest, body.free.dx.segment<3>(3 * n).norm());
     return longest;
   }
 };
@@ -78,7 +78,7 @@ TEST(FreshFreeMotion, OfWhatTurnedLittleIsThatOfTheNewRotations) {
   fresh_free_motion(hinge.body, h);
   update_rotations(other.body.model, other.body.state);
   compute_free_motion(other.body, h);
-  EXPECT_EQ(hinge.body.dx_free, other.body.dx_free);
+  EXPECT_EQ(hinge.body.free.dx, other.body.free.dx);
   EXPECT_EQ(hinge.body.state.rotation, other.body.state.rotation);
 }
 

@@ -145,7 +145,7 @@ TEST(Patch, WhatTheTipHeldDownHasAPlaceWhereNotAllNodesHaveOne) {
     if (x.z() < 0.99e-3 || aside > 0.45e-3) continue;
     held.insert(n);
     x.z() -= 0.6e-3;
-    body.dx_free[3 * n + 2] = 0.6e-3;
+    body.free.dx[3 * n + 2] = 0.6e-3;
   }
   ASSERT_GT(held.size(), 10u);
   Instrument instrument;

@@ -32,7 +32,7 @@ class CutBlock : public testing::Test {
       if (z > 0.01 / 3 && z < 0.02 / 3) tets.push_back(t);
     }
     take_out(body, tets);
-    body.pressed.setZero(3 * body.model.node_count());
+    body.corrected.force.setZero(3 * body.model.node_count());
   }
   void throw_upper(double speed) {
     for (std::size_t n = 0; n < bodies[0].rest.size(); ++n)
@@ -56,9 +56,9 @@ TEST_F(CutBlock, EnergyOfAFreePieceByHand) {
   EXPECT_EQ(watch.look(bodies).made, 0);
   // Pressed, it may have more, and counts from there.
   throw_upper(0.2);
-  bodies[0].pressed[bodies[0].pressed.size() - 1] = 1e-3;
+  bodies[0].corrected.force[bodies[0].corrected.force.size() - 1] = 1e-3;
   EXPECT_EQ(watch.look(bodies).made, 0);
-  bodies[0].pressed.setZero();
+  bodies[0].corrected.force.setZero();
   EXPECT_EQ(watch.look(bodies).made, 0);
   throw_upper(0.3);
   EXPECT_NEAR(watch.look(bodies).made, 5 * E, 1e-9 * E);

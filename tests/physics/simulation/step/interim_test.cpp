@@ -93,7 +93,7 @@ TEST_P(Without, IsTheSystemCondensedAfreshWithoutThem) {
   const auto linearise = [&](Body& b) {
     if (ahead) {
       for (int n = 0; n < b.model.node_count(); ++n)
-        b.dx_free.segment<3>(3 * n) =
+        b.free.dx.segment<3>(3 * n) =
             b.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(1e-4 * Vec3(1, -2, 3) * b.rest[n].z() / 0.02);
       linearise_ahead(b, h);
     } else {
@@ -116,7 +116,7 @@ TEST_P(Without, IsTheSystemCondensedAfreshWithoutThem) {
   MatX C(3 * kept, 3 * kept);
   other.compliance->patch(std::span(nodes).first(kept), C);
   VecX dx(3 * kept);
-  for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = other.dx_free.segment<3>(3 * nodes[i]);
+  for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = other.free.dx.segment<3>(3 * nodes[i]);
   EXPECT_LT((interim.C - C).norm(), tolerance * C.norm());
   EXPECT_LT((interim.dx_free - dx).norm(), tolerance * dx.norm());
 }
@@ -154,7 +154,7 @@ TEST(Interim, OfABodyThatLosesNothingIsItsPlainProblem) {
       MatX C(3 * kept, 3 * kept);
       body.compliance->patch(nodes, C);
       VecX dx(3 * kept);
-      for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = body.dx_free.segment<3>(3 * nodes[i]);
+      for (int i = 0; i < kept; ++i) dx.segment<3>(3 * i) = body.free.dx.segment<3>(3 * nodes[i]);
       EXPECT_LT((interim.C - C).norm(), 1e-14 * C.norm());
       EXPECT_LT((interim.dx_free - dx).norm(), 1e-14 * dx.norm());
       EXPECT_LT((interim.dx_pressed - dx - C * force).norm(), 1e-14 * interim.dx_pressed.norm());
@@ -180,7 +180,7 @@ TEST(Interim, OfNodesThatTheZoneDoesNotCoverThereIsNone) {
 // Sheared by `angle` above where it is, foreseen.
 void predict_linearisation_at(Body& body, double angle) {
   for (int n = 0; n < body.model.node_count(); ++n)
-    body.dx_free.segment<3>(3 * n) =
+    body.free.dx.segment<3>(3 * n) =
         body.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(angle * body.rest[n].z() * Vec3(1, 0.3, -0.2));
   linearise_ahead(body, h);
 }
@@ -210,8 +210,8 @@ TEST(StaleRotation, AllOfThemAreABodyLinearisedThere) {
   MatX C(3 * count, 3 * count);
   other.compliance->patch(nodes, C);
   EXPECT_LT((condensed.C - C).norm(), 1e-9 * C.norm());
-  EXPECT_LT((condensed.dx_free - other.dx_free).norm(), 1e-9 * other.dx_free.norm());
-  EXPECT_GT((body.dx_free - other.dx_free).norm(), 1e-3 * other.dx_free.norm()) << "it matters";
+  EXPECT_LT((condensed.dx_free - other.free.dx).norm(), 1e-9 * other.free.dx.norm());
+  EXPECT_GT((body.free.dx - other.free.dx).norm(), 1e-3 * other.free.dx.norm()) << "it matters";
 
   // … and forces on the body as it was do to it what the change does.
   VecX f(3 * count), moved(3 * count);
@@ -222,7 +222,7 @@ TEST(StaleRotation, AllOfThemAreABodyLinearisedThere) {
     both.segment<3>(3 * condensed.changed[g]) += change.segment<3>(static_cast<Eigen::Index>(3 * g));
   body.compliance->apply(both, moved);
   const VecX expected = condensed.dx_free + condensed.C * f;
-  EXPECT_LT((body.dx_free + moved - expected).norm(), 1e-9 * expected.norm());
+  EXPECT_LT((body.free.dx + moved - expected).norm(), 1e-9 * expected.norm());
 }
 
 TEST(StaleRotation, ARigidTurnIsFoundAndRestIsNot) {

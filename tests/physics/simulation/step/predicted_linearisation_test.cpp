@@ -34,11 +34,11 @@ TEST(PredictedLinearisation, OfWhatStaysIsTheFreeMotionOfAFreshFactor) {
   Body body(soft_block(3), h, Vec3(0, 0, -9.81)), other(soft_block(3), h, Vec3(0, 0, -9.81));
   disturb(body);
   disturb(other);
-  body.dx_free.setZero();
+  body.free.dx.setZero();
   linearise_ahead(body, h);
   other.compliance->update(other.state);
   compute_free_motion(other, h);
-  EXPECT_LT((body.dx_free - other.dx_free).norm(), 1e-9 * other.dx_free.norm());
+  EXPECT_LT((body.free.dx - other.free.dx).norm(), 1e-9 * other.free.dx.norm());
   EXPECT_EQ(body.state.x, other.state.x);
 }
 
@@ -62,8 +62,8 @@ TEST(PredictedLinearisation, WhatIsForeseenErrsByTheSquareOfTheMotion) {
     }
     foresee_free_motion(body, h);
     fresh_free_motion(other, h);
-    EXPECT_LT((body.dx_free - other.dx_free).norm(), 0.05 * other.dx_free.norm());
-    return (body.dx_free - other.dx_free).norm();
+    EXPECT_LT((body.free.dx - other.free.dx).norm(), 0.05 * other.free.dx.norm());
+    return (body.free.dx - other.free.dx).norm();
   };
   EXPECT_NEAR(error_of(0.02) / error_of(0.01), 4, 0.2);
 }
@@ -72,15 +72,15 @@ TEST(PredictedLinearisation, WhatIsForeseenErrsByTheSquareOfTheMotion) {
 TEST(PredictedLinearisation, RepeatedItIsNewtonsMethodForTheNonlinearStep) {
   Body body(soft_block(3), h, Vec3(0, 0, -9.81));
   disturb(body);
-  body.dx_free.setZero();
+  body.free.dx.setZero();
   double change = 1;
   for (int k = 0; k < 25; ++k) {
-    const VecX before = body.dx_free;
+    const VecX before = body.free.dx;
     linearise_ahead(body, h);
-    change = (body.dx_free - before).norm() / body.dx_free.norm();
+    change = (body.free.dx - before).norm() / body.free.dx.norm();
   }
   EXPECT_LT(change, 1e-9);
-  const VecX dx = body.dx_free;
+  const VecX dx = body.free.dx;
 
   VecX residual(dx.size());
   Body at_end(soft_block(3), h, Vec3(0, 0, -9.81));

@@ -1,0 +1,56 @@
+// The stage of a step in which bodies touch bodies, solved together with the instrument.
+//
+//   find      who may touch whom, before the zones are chosen
+//   solve     [rows of the instrument and of the bodies at the last solve's state → one solve of all] …
+//             until neither force nor geometry changes: two or three rounds
+//   condense  contacts at the state just reached and under its free motion, eliminated from what is published
+//
+// Taking turns instead (bodies given the force, the instrument on their condensed response) does not
+// converge: what the instrument starts to slide is stuck in one turn and thrown in the next. A surface node
+// that would end inside another body without a contact joins, and the solve is repeated. Units: m, N. Errors:
+// by status.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "physics/simulation/step/instrument_contact.h"
+
+namespace hapticd {
+
+class BodyContactStage {
+ public:
+  explicit BodyContactStage(const WorldSettings& settings) : contacts_(settings.body_contact, settings.h) {}
+
+  const BodyContacts& contacts() const { return contacts_; }
+
+  // Elements of this body went: what lay on it may have nothing to lie on now, and wakes.
+  void surface_changed(Bodies& bodies, int body);
+
+  // Who sleeps and is touched by what moves wakes.
+  void find(Bodies& bodies);
+
+  // last_force: InstrumentContact::solve.
+  void solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
+             const InstrumentSample& sample, const CondensedProblem& problem,
+             const std::optional<Vec3>& last_force, StepReport& report);
+
+  // One attempt of it, with the contacts that are known.
+  void solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
+                  const InstrumentSample& sample, const CondensedProblem& problem,
+                  const std::optional<Vec3>& last_force, StepReport& report);
+
+  // Nothing where nothing touches. patch_force: of the instrument [N].
+  void condense(const Bodies& bodies, const VecX& patch_force, CondensedProblem& problem, StepReport& report);
+
+ private:
+  void begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
+                   StepReport& report);
+  void predict_end(const StepContext& c, int body, const VecX& patch_force);
+  void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSample& sample);
+
+  BodyContacts contacts_;
+  std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
+};
+
+}  // namespace hapticd

@@ -1,0 +1,50 @@
+// The instrument's part of a solve that it shares with bodies that touch one another.
+//
+//   rows at the last solve's state → (one solve of all rows, body_contact.h) → the instrument on its virtual
+//   coupling, where its forces put it → rows again …
+//
+// Coupling, slip and anchors are those of contact_solve.h. Units: m, N. Errors: by the solution's status;
+// after `not_finite` force and memory are zero.
+#pragma once
+
+#include "physics/contact/contact_solve.h"
+#include "physics/simulation/body_contact/body_contact.h"
+
+namespace hapticd {
+
+class InstrumentSide {
+ public:
+  // h: simulation step [s]; margin: gap below which renewed rows exist [m].
+  InstrumentSide(const CondensedProblem& problem, const Instrument& instrument, const Pose& device, double h,
+                 double margin, ContactState& state, ContactScratch& scratch);
+
+  // Rows where the last solve has put instrument and tissue; λ to start from.
+  void linearise(const BodyContacts& contacts);
+
+  // After a solve: the instrument goes that part of the way to where its forces put it.
+  void follow(double part);
+
+  // Leaves memory and coupling offset for the next step.
+  ContactSolution finish(const BodyContacts& contacts);
+
+  VecX lambda;  // of the rows in the scratch [N]
+
+ private:
+  Vec6 wrench() const;
+  Pose place() const { return displaced(X_free_, K_inv_.cwiseProduct(wrench())); }
+  void remember(ContactMemory& memory) const;
+  bool sticks(const BodyContacts& contacts, int row) const;
+
+  const CondensedProblem& problem_;
+  const Instrument& instrument_;
+  Pose device_, X_free_, X_;
+  ContactState& state_;
+  ContactScratch& scratch_;
+  Vec6 K_inv_;
+  ContactMemory working_;
+  double margin_;
+  bool frozen_;
+  bool first_ = true;
+};
+
+}  // namespace hapticd

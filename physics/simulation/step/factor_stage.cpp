@@ -1,0 +1,146 @@
+#include "physics/simulation/step/factor_stage.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "physics/simulation/step/zone_selection.h"
+
+namespace hapticd {
+namespace {
+
+constexpr int most_bounded = 2;       // steps in a row that a stale compliance may have made energy in
+constexpr double most_plausible = 2;  // edges that a free motion takes a node without being looked into
+
+}  // namespace
+
+FactorStage::FactorStage(const WorldSettings& settings, std::size_t bodies)
+    : references(bodies), keeps_references_(keeps_references(settings)), predicts_(predicts(settings)) {}
+
+void FactorStage::run(const StepContext& c, const InstrumentSample& sample, StepReport& report) {
+  for (int b = 0; b < c.body_count(); ++b) {
+    if (!is_awake(c.bodies[b])) continue;
+    if (sample.present || !c.contacts.nodes_of(b).empty()) follow(c, b, sample, {});
+    ++report.awake_bodies;
+    if (!c.bodies[b].free.ahead) factor(c, b, report);
+  }
+}
+
+void FactorStage::renew(const StepContext& c, StepReport& report) {
+  const double h = c.settings.h;
+  for (int b = 0; b < c.body_count(); ++b) {
+    Body& body = c.bodies[b];
+    if (!is_awake(body)) continue;
+    if (!c.settings.fresh_free_motion) {
+      update_rotations(body.model, body.state);
+      continue;
+    }
+    if (foresees(body)) {
+      foresee_free_motion(body, h);  // what comes of it is looked into by the prediction
+    } else {
+      fresh_free_motion(body, h);
+      if (!plausible(c, body)) {
+        make_reference(c, b, report);
+        compute_free_motion(body, h);
+      }
+    }
+    if (!c.contacts.empty()) finish_free_motion(body, nullptr);
+  }
+}
+
+void FactorStage::factor(const StepContext& c, int b, StepReport& report) {
+  Body& body = c.bodies[b];
+  if (predicts_) {
+    const Within assembly(c.times(), StepPart::assembly);
+    update_rotations(body.model, body.state);  // they are of where it was thought to be
+  }
+  body.compliance->update(body.state);
+  compute_free_motion(body, c.settings.h);
+  if (!plausible(c, body) || (keeps_references_ && body.energy.bounded_steps >= most_bounded)) {
+    make_reference(c, b, report);
+    compute_free_motion(body, c.settings.h);
+  }
+  if (!c.contacts.empty()) finish_free_motion(body, nullptr);  // of any node that may meet another body
+}
+
+bool FactorStage::foresees(const Body& body) const {
+  return predicts_ && body.free.in_halves && body.model.corotational &&
+         body.model.material.law != Law::guarded;
+}
+
+void FactorStage::follow(const StepContext& c, int b, const InstrumentSample& sample,
+                         std::span<const int> nodes) {
+  // While a reference factor is being made, no new zone is chosen; the next one is, when it is adopted.
+  if (keeps_references_ && references.progress(b).under_way) return;
+  // What is near now is where the instrument is no more when a reference factor made elsewhere comes into
+  // use.
+  const Pose* X = sample.present ? &sample.pose : nullptr;
+  const bool covered = keeps_references_ ? move_zone(c, b, X, {}, nodes) : move_zone(c, b, X, nodes, nodes);
+  if (!covered) references.want(b);
+  if (!covered && !keeps_references_) c.bodies[b].free.ahead = false;
+}
+
+// Returns whether the zone that the compliance has covers what is needed.
+bool FactorStage::move_zone(const StepContext& c, int b, const Pose* X, std::span<const int> first,
+                            std::span<const int> needed) const {
+  const Within collision(c.times(), StepPart::collision);
+  Compliance& compliance = *c.bodies[b].compliance;
+  const Zone zone = select_zone(
+      c.bodies[b], {c.instrument, c.motion.predictor(), X, c.settings.alarm_distance, keeps_references_,
+                    references.progress(b).last_steps, first, needed, c.contacts.nodes_of(b)});
+  const bool covered = compliance.zone_covers(zone.needed);
+  // A zone for the next reference factor may follow the instrument at every step; one that is factored here
+  // may not.
+  if (!keeps_references_ && covered) return true;
+  compliance.move_zone(zone.nodes);
+  compliance.move_halo(zone.halo);
+  return covered;
+}
+
+void FactorStage::cover(const StepContext& c, int b, const InstrumentSample& sample,
+                        std::span<const int> nodes, StepReport& report) {
+  Body& body = c.bodies[b];
+  if (body.compliance->zone_covers(nodes)) return;
+  // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
+  // a reference factor there and meanwhile pay for a half solve per node.
+  follow(c, b, sample, nodes);
+  if (body.compliance->zone_covers(nodes))
+    body.compliance->update(body.state);
+  else
+    for (const int n : nodes) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
+}
+
+// Tissue let go springs back by an edge in a step, not by many. Where elements outside the zone have turned
+// far since the reference factor, it has next to no stiffness against what they do, and what a step gets
+// wrong of them the next gets wrong by several times as much: a reference factor that comes late lets the
+// tissue burst. The half that a step leaves out is looked into where the step before took a node by an edge.
+bool FactorStage::plausible(const StepContext& c, Body& body) const {
+  if (!keeps_references_) return true;
+  const auto within = [&](double edges) {
+    double largest = 0;
+    for (int n = 0; n < body.model.node_count(); ++n)
+      largest = std::max(largest, body.free.dx.segment<3>(3 * n).squaredNorm());
+    return largest <= edges * edges * body.edge * body.edge;
+  };
+  if (body.free.forward_solved) {
+    const double fast = body.edge / c.settings.h;
+    const bool slow = std::all_of(body.state.v.begin(), body.state.v.end(),
+                                  [&](const Vec3& v) { return v.squaredNorm() < fast * fast; });
+    if (slow && within(most_plausible)) return true;
+    finish_free_motion(body, nullptr);
+  }
+  return within(most_plausible) || body.compliance->disagreement(body.state, body.free.dx) < 1;
+}
+
+void FactorStage::make_reference(const StepContext& c, int b, StepReport& report) {
+  Body& body = c.bodies[b];
+  move_zone(c, b, c.motion.present() ? &c.motion.pose() : nullptr, c.patch.nodes_of(b), {});
+  std::unique_ptr<ReferenceFactor> reference = body.compliance->snapshot_reference(body.state);
+  if (!reference) return;
+  reference->make();
+  body.compliance->adopt_reference(std::move(reference), body.state);
+  body.compliance->update(body.state);
+  references.made_by_step(b);
+  ++report.synchronous_references;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,135 @@
+#include "physics/simulation/step/instrument_contact.h"
+
+#include <algorithm>
+
+namespace hapticd {
+namespace {
+
+constexpr double far_step = 0.6;   // in alarm distances
+constexpr double most_parts = 32;  // of a step's way that contact is solved on
+
+}  // namespace
+
+ContactOptions contact_options(const WorldSettings& settings) {
+  ContactOptions options;
+  options.linearisations = settings.linearisations;
+  options.coulomb = settings.coulomb;
+  options.margin = settings.contact == Renewal::frozen ? 0 : contact_margin * settings.alarm_distance;
+  return options;
+}
+
+VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch) {
+  const ContactRows& rows = scratch.rows;
+  VecX f = VecX::Zero(3 * problem.nodes);
+  for (int i = 0; i < rows.contacts; ++i) {
+    const PatchSample& s = problem.sample[rows.row[i].sample];
+    if (s.node[0] < 0) continue;
+    Vec3 force = scratch.lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
+    for (int t = 1; t < rows.rows_per_contact; ++t)
+      force += scratch.lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
+    for (int c = 0; c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * force;
+  }
+  return f;
+}
+
+VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memory) {
+  VecX f = VecX::Zero(3 * problem.nodes);
+  for (int k = 0; k < problem.samples; ++k) {
+    const PatchSample& s = problem.sample[k];
+    if (s.node[0] < 0) continue;
+    const ContactMemory::Entry* known = memory.find(s.id);
+    for (int c = 0; known && c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * known->lambda;
+  }
+  return f;
+}
+
+int correct_bodies(const StepContext& c, const VecX& patch_force) {
+  int bounded = 0;
+  for (int b = 0; b < c.body_count(); ++b) {
+    Body& body = c.bodies[b];
+    if (!is_awake(body)) continue;
+    body.free.ahead = false;
+    VecX force = force_on_body(body, b, c.patch.nodes(), patch_force);
+    if (c.contacts.any()) c.contacts.add_forces(b, force);
+    correct(body, force.isZero(0) ? nullptr : &force, c.settings.h, c.settings.keeps_energy);
+    bounded += body.energy.bounded_steps > 0;
+  }
+  return bounded;
+}
+
+InstrumentContact::InstrumentContact(double sample_spacing)
+    : gatherer_(sample_spacing), scratch_(std::make_unique<ContactScratch>()) {}
+
+void InstrumentContact::gather(const StepContext& c, const Pose& X, std::span<const NearFace> near,
+                               bool topology_changed, CondensedProblem& problem) {
+  const WorldSettings& s = c.settings;
+  problem.step = next_number();
+  problem.X_ref = X;
+  problem.renewal = s.contact;
+  problem.topology_changed = topology_changed;
+  problem.alarm_distance = s.alarm_distance;
+  problem.coupling = s.coupling;
+  gatherer_.gather(c.bodies, c.instrument, X, s.alarm_distance, near, problem);
+  place(c, problem);
+}
+
+void InstrumentContact::place(const StepContext& c, CondensedProblem& problem) const {
+  for (int b = 0; b < c.body_count(); ++b) {
+    const Within free_motion(c.times(), StepPart::free_motion);
+    if (c.bodies[b].free.forward_solved) know_free_motion(c.bodies[b], gatherer_.nodes_of(b));
+  }
+  set_patch_positions(c.bodies, gatherer_.nodes(), problem);
+}
+
+void InstrumentContact::condense(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
+                                 CondensedProblem& problem, StepReport& report) {
+  const Within condense(c.times(), StepPart::condense);
+  const auto nodes = gatherer_.nodes();
+  problem.C().setZero();
+  for (int b = 0; b < c.body_count(); ++b) {
+    std::vector<int> of_body, index;
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+      if (nodes[i].body == b) {
+        of_body.push_back(nodes[i].node);
+        index.push_back(static_cast<int>(i));
+      }
+    if (of_body.empty()) continue;
+    factors.cover(c, b, sample, of_body, report);
+    const int n = static_cast<int>(of_body.size());
+    block_.resize(3 * n, 3 * n);
+    c.bodies[b].compliance->patch(of_body, block_);
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i)
+        problem.C().block<3, 3>(3 * index[i], 3 * index[j]) = block_.block<3, 3>(3 * i, 3 * j);
+  }
+}
+
+void InstrumentContact::solve(const StepContext& c, const InstrumentSample& sample,
+                              const CondensedProblem& problem, const std::optional<Vec3>& last_force,
+                              StepReport& report) {
+  const Within solve(c.times(), StepPart::solve);
+  const WorldSettings& settings = c.settings;
+  if (sample.present) {
+    // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
+    // on the way, with all that the solves there remember.
+    const Pose from = displaced(c.motion.pose(), -c.motion.way());
+    const Vec6 way = difference(sample.pose, from);
+    const double far =
+        settings.contact == Renewal::renewed ? way.head<3>().norm() / settings.alarm_distance : 0;
+    const double parts = far > far_step ? std::min(far / contact_margin, most_parts) : 0;
+    const ContactOptions options = contact_options(settings);
+    for (int p = 1; p <= parts; ++p)
+      solve_contact(problem, c.instrument, displaced(from, p / (parts + 1) * way), settings.h, options,
+                    state.solver, *scratch_);
+    report.contact =
+        solve_contact(problem, c.instrument, sample.pose, settings.h, options, state.solver, *scratch_);
+    if (last_force) report.handover_jump = (report.contact.wrench.head<3>() - *last_force).norm();
+  } else {
+    state.solver = ContactState{};
+    scratch_->rows.contacts = 0;
+  }
+  state.patch_force =
+      usable(report.contact) ? force_on_patch(problem, *scratch_) : VecX::Zero(3 * problem.nodes);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,71 @@
+// The instrument against what is near it: the patch, its compliance, the contact solve, and the correction.
+//
+//   gather    surface near the pose → nodes, samples, x_now, x_free          (patch.h)
+//   condense  C_pp of the patch's nodes
+//   solve     λ at this pose, and with it the force on the patch's nodes     (contact_solve.h)
+//   correct   Δx = Δx_free + C Hᵀλ, or so much of it as makes no energy      (energy_bound.h)
+//
+// `state` is what one solve hands to the next; the scratch is apart. Units: m, N, m/N. Shapes: see
+// condensed_problem.h. Errors: by the solution's status; a solution that is not `usable` moves nothing.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "physics/simulation/body_contact/collision.h"
+#include "physics/simulation/step/factor_stage.h"
+
+namespace hapticd {
+
+struct InstrumentContactState {
+  ContactState solver;
+  VecX patch_force;  // of the instrument on the patch's nodes [N]
+};
+
+ContactOptions contact_options(const WorldSettings& settings);
+
+// Σ Hᵀλ of a solve, by node of the patch [N].
+VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch);
+
+// The same of the forces remembered from another patch, found again by sample.
+VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memory);
+
+// Moves all awake bodies; contacts between bodies push too. Returns how many were held back.
+int correct_bodies(const StepContext& c, const VecX& patch_force);
+
+class InstrumentContact {
+ public:
+  explicit InstrumentContact(double sample_spacing);
+
+  // Fills all of a problem but C_pp. near: the faces near X.
+  void gather(const StepContext& c, const Pose& X, std::span<const NearFace> near, bool topology_changed,
+              CondensedProblem& problem);
+
+  // A problem's number: they count up from 1, with every publication.
+  std::uint64_t next_number() { return ++problems_; }
+
+  // x_now and x_free of the present state and free motion.
+  void place(const StepContext& c, CondensedProblem& problem) const;
+
+  void condense(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
+                CondensedProblem& problem, StepReport& report);
+
+  // last_force: at this pose, of the problem published last; the step is then reported as a handover.
+  void solve(const StepContext& c, const InstrumentSample& sample, const CondensedProblem& problem,
+             const std::optional<Vec3>& last_force, StepReport& report);
+
+  const PatchGatherer& patch() const { return gatherer_; }
+  ContactScratch& scratch() { return *scratch_; }
+  const ContactScratch& scratch() const { return *scratch_; }
+
+  InstrumentContactState state;
+
+ private:
+  PatchGatherer gatherer_;
+  std::unique_ptr<ContactScratch> scratch_;
+  MatX block_;
+  std::uint64_t problems_ = 0;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,90 @@
+#include "physics/simulation/step/prediction.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "physics/simulation/step/instrument_contact.h"
+#include "physics/simulation/step/predicted_linearisation.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double most_ahead = 0.5;    // in alarm distances: the patch is that of the pose it was gathered at
+constexpr double first_use = 0.25;    // of a step, after the pose, of a problem that is refreshed
+constexpr double part_of_way = 0.05;  // in alarm distances, that contact is solved on
+constexpr double most_parts = 6;
+
+Pose pose_ahead(const StepContext& c, const Pose& X) {
+  const Vec6 way = c.settings.lead * c.motion.twist();
+  const double most = most_ahead * c.settings.alarm_distance;
+  return displaced(X, std::min(1.0, most / std::max(way.head<3>().norm(), 1e-12)) * way);
+}
+
+}  // namespace
+
+Prediction::Prediction(const WorldSettings& settings) {
+  if (predicts(settings)) scratch_ = std::make_unique<ContactScratch>();
+}
+
+ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& problem, const Pose& X,
+                                  const ContactState& before, bool on_the_way) {
+  ContactState state = before;
+  const double h = c.settings.h;
+  const Vec6 way = difference(X, problem.X_ref);
+  const double parts =
+      on_the_way
+          ? std::min(std::ceil(way.head<3>().norm() / (part_of_way * c.settings.alarm_distance)), most_parts)
+          : 1;
+  const ContactOptions options = contact_options(c.settings);
+  for (int p = 1; p < parts; ++p)
+    solve_contact(problem, c.instrument, displaced(problem.X_ref, p / parts * way), h, options, state,
+                  *scratch_);
+  return solve_contact(problem, c.instrument, X, h, options, state, *scratch_);
+}
+
+VecX Prediction::force(const CondensedProblem& problem) const { return force_on_patch(problem, *scratch_); }
+
+void Prediction::linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
+                           const InstrumentSample& sample, const ContactState& before, bool removing,
+                           StepReport& report) {
+  InstrumentSample there = sample;
+  there.pose = pose_ahead(c, sample.pose);
+  VecX patch_force = VecX::Zero(3 * problem.nodes);
+  if (sample.present) {
+    const Within solving(c.times(), StepPart::solve);
+    const double share = removing ? std::min(1.0, first_use * c.settings.h / c.settings.lead) : 1;
+    const Pose X = displaced(sample.pose, share * difference(there.pose, sample.pose));
+    if (usable(solve(c, problem, X, before, removing))) patch_force = force(problem);
+  }
+  for (int b = 0; b < c.body_count(); ++b)
+    if (is_awake(c.bodies[b]) && c.bodies[b].model.corotational)
+      linearise_body(c, factors, b, patch_force, there, report);
+}
+
+void Prediction::linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
+                                const InstrumentSample& there, StepReport& report) const {
+  Body& body = c.bodies[b];
+  const double h = c.settings.h;
+  VecX force = force_on_body(body, b, c.patch.nodes(), patch_force);
+  const bool touched = !force.isZero(0);
+  {
+    const Within free_motion(c.times(), StepPart::free_motion);
+    finish_free_motion(body, touched ? &force : nullptr);
+  }
+  if (body.energy.bounded_steps > 0 || !can_predict_linearisation(body)) {
+    if (factors.foresees(body)) fresh_free_motion(body, h);
+    if (!touched || factors.foresees(body)) return;
+    body.compliance->apply(force, force);
+    body.free.dx -= force;
+    return;
+  }
+  if (there.present) factors.follow(c, b, there, c.patch.nodes_of(b));
+  linearise_ahead(body, h);
+  body.free.ahead = true;
+  if (factors.plausible(c, body)) return;
+  factors.make_reference(c, b, report);
+  body.free.dx = body.free.predicted;
+  linearise_ahead(body, h);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,42 @@
+// The last stage of a step: bodies are linearised where the instrument is about to take them.
+//
+//   the contact solve of the problem at hand, at the pose `lead` later → f → Δx_p → predicted_linearisation.h
+//
+// For the middle of the problem's use; after a removal, when the problem is refreshed (refresh.h), for its
+// begin. Nothing of the solve is remembered but what it foresees. Units: m, N, s. Errors: a solve that is not
+// usable presses nothing.
+#pragma once
+
+#include <memory>
+
+#include "physics/simulation/step/factor_stage.h"
+
+namespace hapticd {
+
+class Prediction {
+ public:
+  explicit Prediction(const WorldSettings& settings);
+
+  bool active() const { return scratch_ != nullptr; }
+
+  // Contact at X, from where the problem was made. on_the_way: a thin piece that a removal left may give way
+  // to either side of the instrument, or be held by friction; it is met on the way.
+  ContactSolution solve(const StepContext& c, const CondensedProblem& problem, const Pose& X,
+                        const ContactState& before, bool on_the_way);
+
+  // By node of the patch: of the last solve [N].
+  VecX force(const CondensedProblem& problem) const;
+
+  // The bodies; problem: at the end of the step, before C_pp and positions are renewed.
+  void linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
+                 const InstrumentSample& sample, const ContactState& before, bool removing,
+                 StepReport& report);
+
+ private:
+  void linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
+                      const InstrumentSample& there, StepReport& report) const;
+
+  std::unique_ptr<ContactScratch> scratch_;  // only with a lead
+};
+
+}  // namespace hapticd

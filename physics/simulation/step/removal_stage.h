@@ -1,0 +1,59 @@
+// The first stage of a step: what the tip destroys or sucks out, and what was scheduled, leaves the bodies.
+//
+// In: the tip's pose and pedals; out: what went. Masses and surfaces follow at once; the compliances are told
+// later (`tell_compliances`), after an interim problem was made with the factors that they still have.
+// Units: m, s. Errors: none.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "physics/simulation/body.h"
+#include "physics/simulation/step/instrument_motion.h"
+#include "physics/simulation/step/removal.h"
+
+namespace hapticd {
+
+struct Removed {
+  int tets = 0;
+  int fragments_aspirated = 0;
+  std::vector<int> bodies;  // that lost some
+};
+
+class RemovalStage {
+ public:
+  RemovalStage(const RemovalSettings& settings, double h, std::size_t bodies)
+      : settings_(settings), h_(h), gone_(bodies) {}
+
+  // The next `remove` takes these too, whatever the tip does.
+  void schedule(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
+
+  // tip: the instrument's pose when the problem without these is in use.
+  Removed remove(Bodies& bodies, const Instrument& instrument, const InstrumentSample& sample,
+                 const Pose& tip);
+
+  // Per body: gone in this step, and its compliance does not know yet.
+  const std::vector<std::vector<int>>& gone() const { return gone_; }
+  void tell_compliances(Bodies& bodies);
+
+  int total() const { return total_; }
+
+ private:
+  struct Scheduled {
+    int body;
+    std::vector<int> tets;
+  };
+
+  int take(Bodies& bodies, int b, std::span<const int> tets);
+  void remove_at_tip(Bodies& bodies, const Instrument& instrument, const InstrumentSample& sample,
+                     const Pose& tip, Removed& out);
+
+  RemovalSettings settings_;
+  double h_;
+  std::vector<Scheduled> scheduled_;
+  std::vector<std::vector<int>> gone_;
+  double budget_ = 0;  // tetrahedra that the rate allows now
+  int total_ = 0;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,40 @@
+// What a step tells of itself.
+//
+// Units: SI.
+#pragma once
+
+#include <vector>
+
+#include "physics/compliance/compliance.h"
+#include "physics/contact/contact_solve.h"
+#include "physics/simulation/body_contact/body_contact.h"
+
+namespace hapticd {
+
+struct BodyReport {
+  int body;
+  ComplianceReport compliance;
+};
+
+struct StepReport {
+  int removed = 0;  // tetrahedra that went in this step, aspirated ones included
+  int fragments_aspirated = 0;
+  bool interim = false;  // a problem without them was published at once
+  int awake_bodies = 0;
+  int references_adopted = 0;      // since the step before
+  int synchronous_references = 0;  // made by the step itself, for which others came too late
+  int bounded_bodies = 0;   // whose motion was held back, for it would have made energy (energy_bound.h)
+  int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
+  ContactSolution contact;
+  // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
+  // one over for the other does to the force. Of methods that keep reference factors, in steps with a new
+  // reference factor or a removal.
+  double handover_jump = 0;
+  BodyContactReport body_contact;
+  std::vector<BodyReport> compliance;  // of awake bodies
+};
+
+// A worse contact solve moves nothing; the next step repairs.
+inline bool usable(const ContactSolution& s) { return s.status == SolveStatus::solved || s.residual < 1e-3; }
+
+}  // namespace hapticd
