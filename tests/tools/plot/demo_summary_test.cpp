@@ -42,7 +42,7 @@ Verdict judge(const json& daemon, const json& replay) {
   std::ofstream(scratch.file("daemon.json")) << daemon;
   std::ofstream(scratch.file("replay.json")) << replay;
   Verdict v;
-  v.result = run_command("/usr/bin/python3 " SOURCE_DIR "/tools/demo_summary.py " + scratch.file(""));
+  v.result = run_command("/usr/bin/python3 " SOURCE_DIR "/tools/plot/demo_summary.py " + scratch.file(""));
   std::ifstream in(scratch.file("summary.json"));
   if (in) v.summary = json::parse(in);
   return v;

@@ -19,7 +19,7 @@ namespace hapticd {
 namespace {
 
 const std::string cube = SOURCE_DIR "/config/scenes/cube/cube.yaml";
-const std::string compare = "/usr/bin/python3 " SOURCE_DIR "/tests/tools/bag_against_csv.py ";
+const std::string compare = "/usr/bin/python3 " SOURCE_DIR "/tests/tools/record/bag_against_csv.py ";
 
 // Down onto the cube, 1.5 mm deep, sideways, and up: 1.2 s.
 std::string press(const ScratchDirectory& scratch) {
