@@ -22,7 +22,7 @@ constexpr double peak_speed = 12e-3;     // of the tip in the scene [m/s]
 constexpr double jerk_peak = 1.875;      // of a minimum-jerk way, over its mean speed
 constexpr double equator = 4.3e-3;       // how far out sweeps go [m]
 constexpr double clear = -0.5e-3;        // depth between strokes [m]
-constexpr double energy_allowed = 1e-6;  // of a free piece, made over what the largest had
+constexpr double energy_allowed = 1e-6;  // gained or made, over the largest energy that a piece had
 constexpr double small_energy = 1e-15;   // round-off of a piece at rest [J]
 
 struct Waypoint {
@@ -291,6 +291,8 @@ class Episode {
     report_.farthest = std::max(report_.farthest, seen.farthest);
     report_.fastest = std::max(report_.fastest, seen.fastest);
     report_.made = std::max(report_.made, seen.made);
+    report_.gained = std::max(report_.gained, seen.gained);
+    report_.energy = std::max(report_.energy, seen.energy);
     report_.free_steps += seen.free > 0;
     energy_ = std::max(energy_, seen.free_energy);
     report_.free_energy = std::max(report_.free_energy, energy_);
@@ -300,6 +302,8 @@ class Episode {
       return said("a node is away by", seen.farthest, watch_.bounds().farthest, "m");
     if (seen.fastest > watch_.bounds().fastest)
       return said("a node is as fast as", seen.fastest, watch_.bounds().fastest, "m/s");
+    if (const double most = energy_allowed * report_.energy + small_energy; seen.gained > most)
+      return said("a piece gained, beyond the work done on it,", seen.gained, most, "J");
     if (seen.made > made_allowed) return said("a free piece made", seen.made, made_allowed, "J");
     return std::nullopt;
   }
@@ -329,6 +333,8 @@ void add(const CarveReport& part, CarveReport& sum) {
   sum.fastest_allowed = std::max(sum.fastest_allowed, part.fastest_allowed);
   sum.free_steps += part.free_steps;
   sum.made = std::max(sum.made, part.made);
+  sum.gained = std::max(sum.gained, part.gained);
+  sum.energy = std::max(sum.energy, part.energy);
   sum.free_energy = std::max(sum.free_energy, part.free_energy);
   sum.made_allowed = std::max(sum.made_allowed, part.made_allowed);
   sum.status |= part.status;

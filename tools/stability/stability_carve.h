@@ -41,6 +41,7 @@ struct CarveReport {
   double force_max = 0, device_max = 0;       // [N]
   double farthest = 0, farthest_allowed = 0;  // [m]
   double fastest = 0, fastest_allowed = 0;    // [m/s]
+  double gained = 0, energy = 0;              // by a piece in a step beyond the work done on it; of the largest [J]
   double made = 0, made_allowed = 0;          // by a free piece [J]
   std::int64_t free_steps = 0;                // with a free piece
   double free_energy = 0;                     // largest of one when it was let go; 0: there was none [J]

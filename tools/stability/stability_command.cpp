@@ -156,6 +156,8 @@ nlohmann::ordered_json to_json(const CarveReport& r) {
                               {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
                               {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
                               {"free_steps", r.free_steps},
+                              {"gained_j", r.gained},
+                              {"energy_j", r.energy},
                               {"made_j", r.made},
                               {"made_allowed_j", r.made_allowed},
                               {"free_energy_j", r.free_energy},
@@ -222,9 +224,9 @@ bool print(const StabilityChart& chart) {
   for (const CarveReport& r : chart.carve) {
     std::printf(
         "carve: %lld ticks, %lld strokes, %d removed, largest force %.3f of %.1f N, farthest %.2f of %.2f "
-        "mm, fastest %.1f of %.1f mm/s, free pieces in %lld of %lld steps made %.2g J of up to %.2g J  %s\n",
+        "mm, fastest %.1f of %.1f mm/s, pieces gained %.2g J of up to %.2g J, free ones in %lld of %lld steps made %.2g J of up to %.2g J  %s\n",
         static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
-        r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
+        r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed, r.gained, r.energy,
         static_cast<long long>(r.free_steps), static_cast<long long>(r.steps), r.made, r.free_energy,
         r.faults.empty() ? "sound" : "UNSOUND");
     for (const CarveFault& f : r.faults)

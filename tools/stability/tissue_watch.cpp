@@ -14,9 +14,9 @@ namespace hapticd {
 namespace {
 
 // With the rotation at x; the state's may be of where the body was foreseen.
-double stored(const Body& body, int t) {
+double stored(const Body& body, const std::vector<Vec3>& x, int t) {
   const TissueModel& m = body.model;
-  const Mat3 F = deformation_gradient(corners_of(m.mesh.tets[t], body.state.x), m.gradients[t]);
+  const Mat3 F = deformation_gradient(corners_of(m.mesh.tets[t], x), m.gradients[t]);
   return element_energy(F, nearest_rotation(F, body.state.rotation[t]), m.volume[t], m.material.mu(),
                         m.material.lambda());
 }
@@ -42,7 +42,7 @@ TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instru
     low = low.cwiseMin(x);
     high = high.cwiseMax(x);
   }
-  bounds_.fastest = 2 * instrument_speed + (high - low).minCoeff() * scene.rate;
+  bounds_.fastest = 2 * instrument_speed + (high - low).maxCoeff() * scene.rate;
 }
 
 TissueExtremes TissueWatch::look(const Bodies& bodies) {
@@ -57,7 +57,10 @@ TissueExtremes TissueWatch::look(const Bodies& bodies) {
       out.farthest = std::max(out.farthest, (x - middle_).norm());
       out.fastest = std::max(out.fastest, v.norm());
     }
-    if (out.finite && body.removable) look_at_energy(body, watched_[b], out);
+    if (!out.finite || !body.removable) continue;
+    if (watched_[b].removed != body.state.removed) label(body, watched_[b]);
+    look_at_step(body, watched_[b], out);
+    look_at_free(body, watched_[b], out);
   }
   return out;
 }
@@ -79,21 +82,39 @@ void TissueWatch::label(const Body& body, Watched& watched) {
   }
 }
 
-void TissueWatch::look_at_energy(const Body& body, Watched& watched, TissueExtremes& out) {
-  if (watched.removed != body.state.removed) label(body, watched);
-  const TissueModel& m = body.model;
+VecX TissueWatch::energies(const Body& body, const Pieces& pieces, const std::vector<Vec3>& x,
+                           const std::vector<Vec3>& v) {
+  VecX H = VecX::Zero(pieces.count());
+  for (int t = 0; t < body.model.tet_count(); ++t)
+    if (const int p = pieces.of_tet[t]; p >= 0) H[p] += stored(body, x, t);
+  for (std::size_t n = 0; n < pieces.of_node.size(); ++n)
+    if (const int p = pieces.of_node[n]; p >= 0) H[p] += 0.5 * body.state.mass[n] * v[n].squaredNorm();
+  return H;
+}
+
+void TissueWatch::look_at_step(const Body& body, Watched& watched, TissueExtremes& out) {
   const Pieces& pieces = watched.pieces;
-  for (Watched::Piece& p : watched.piece) p.energy = 0;
-  for (int t = 0; t < m.tet_count(); ++t)
-    if (const int p = pieces.of_tet[t]; p >= 0 && !pieces.held[p]) watched.piece[p].energy += stored(body, t);
-  for (std::size_t n = 0; n < pieces.of_node.size(); ++n) {
-    if (pieces.of_node[n] < 0) continue;
-    Watched::Piece& p = watched.piece[pieces.of_node[n]];
-    p.energy += 0.5 * body.state.mass[n] * body.state.v[n].squaredNorm();
-    if (body.corrected.force.size() > 0 &&
-        !body.corrected.force.segment<3>(3 * static_cast<Eigen::Index>(n)).isZero(0))
-      p.since = -1;
+  const VecX H = energies(body, pieces, body.state.x, body.state.v);
+  for (int k = 0; k < pieces.count(); ++k) watched.piece[k].energy = H[k];
+  if (!watched.x.empty()) {
+    VecX allowed = energies(body, pieces, watched.x, watched.v);
+    const VecX& f = body.corrected.force;
+    for (std::size_t n = 0; n < pieces.of_node.size() && f.size() > 0; ++n)
+      if (const int p = pieces.of_node[n]; p >= 0)
+        allowed[p] += f.segment<3>(3 * static_cast<Eigen::Index>(n)).dot(body.state.x[n] - watched.x[n]);
+    for (int k = 0; k < pieces.count(); ++k) out.gained = std::max(out.gained, H[k] - std::max(allowed[k], 0.0));
   }
+  if (pieces.count() > 0) out.energy = std::max(out.energy, H.maxCoeff());
+  watched.x = body.state.x;
+  watched.v = body.state.v;
+}
+
+void TissueWatch::look_at_free(const Body& body, Watched& watched, TissueExtremes& out) {
+  const Pieces& pieces = watched.pieces;
+  const VecX& f = body.corrected.force;
+  for (std::size_t n = 0; n < pieces.of_node.size() && f.size() > 0; ++n)
+    if (pieces.of_node[n] >= 0 && !f.segment<3>(3 * static_cast<Eigen::Index>(n)).isZero(0))
+      watched.piece[pieces.of_node[n]].since = -1;
   for (int k = 0; k < pieces.count(); ++k) {
     Watched::Piece& p = watched.piece[k];
     if (pieces.held[k]) continue;

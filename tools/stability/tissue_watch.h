@@ -1,16 +1,17 @@
-// Whether tissue has burst: looked at after each simulation step.
+// Whether tissue has burst, or made energy: looked at after each simulation step.
 //
 //   farthest   of a live node from the middle of the removable body at rest [m]
 //   fastest    node [m/s]
-//   made       E − E₀ of a free piece, E = ½ Σ m v² + elastic energy, E₀ since it was last pressed, cut or
-//              joined to nothing held: neither instrument nor gravity did work on it, so E may only fall [J]
+//   gained     H − H_before − fᵀΔx of a piece in the step, f of the instrument and of other bodies on its nodes;
+//              H = ½ Σ m v² + elastic energy, H_before of what the step left of it: never above 0 [J]
+//   made       H − H₀ of a free piece, H₀ since it was last pressed, cut or joined to nothing held: no work was
+//              done on it, so H may only fall [J]
 //
 // Bounds are the scene's and the script's, V the instrument's largest speed:
-//   farthest   R + 2 V/α + 2 a    R: of a deformable body at rest from that middle; a piece that is struck
-//                                 elastically by what is heavier goes at 2 V and, slowed by the Rayleigh mass
-//                                 damping α alone, comes no farther than 2 V/α; what is pressed lies within
-//                                 two alarm distances a besides
-//   fastest    2 V + s/h          s: the removable body's least extent; what is pressed through all of it and
+//   farthest   R + 2 V/α + 2 a    R: of a deformable body at rest from that middle; a piece struck elastically
+//                                 by what is heavier goes at 2 V and, slowed by the Rayleigh mass damping α alone,
+//                                 comes no farther than 2 V/α; what is pressed lies within two alarm distances a
+//   fastest    2 V + s/h          s: the removable body's largest extent; what is dragged along all of it and
 //                                 let go comes back in a step
 // Pieces hang together by nodes (fragments.h). Without gravity only: std::invalid_argument else.
 #pragma once
@@ -30,8 +31,10 @@ struct TissueExtremes {
   bool finite = true;
   double farthest = 0, fastest = 0;
   int free = 0;            // pieces
+  double gained = 0;       // by a piece in the step, largest [J]
+  double energy = 0;       // largest H of one [J]
   double made = 0;         // by a free piece, largest [J]
-  double free_energy = 0;  // largest E₀ of one [J]
+  double free_energy = 0;  // largest H₀ of one [J]
 };
 
 class TissueWatch {
@@ -48,15 +51,18 @@ class TissueWatch {
   struct Watched {
     struct Piece {
       int first = -1, tets = 0;
-      double since = -1;  // E₀; negative: not known
-      double energy = 0;
+      double since = -1;  // H₀; negative: not known
+      double energy = 0;  // H
     };
     int removed = -1;  // the body's, when they were labelled
     Pieces pieces;
     std::vector<Piece> piece;
+    std::vector<Vec3> x, v;  // when last looked at; empty: never
   };
   static void label(const Body& body, Watched& watched);
-  static void look_at_energy(const Body& body, Watched& watched, TissueExtremes& out);
+  static VecX energies(const Body& body, const Pieces& pieces, const std::vector<Vec3>& x, const std::vector<Vec3>& v);
+  static void look_at_step(const Body& body, Watched& watched, TissueExtremes& out);
+  static void look_at_free(const Body& body, Watched& watched, TissueExtremes& out);
 
   Vec3 middle_ = Vec3::Zero();
   TissueBounds bounds_;

@@ -64,6 +64,27 @@ TEST_F(CutBlock, EnergyOfAFreePieceByHand) {
   EXPECT_NEAR(watch.look(bodies).made, 5 * E, 1e-9 * E);
 }
 
+// Of the whole, held block: thrown it has gained; with the work that was done on it, it has not.
+TEST_F(CutBlock, EnergyGainedInAStepByHand) {
+  TissueWatch watch(scene, bodies, 0.01);
+  EXPECT_EQ(watch.look(bodies).gained, 0) << "nothing is known of before";
+  Body& body = bodies[0];
+  body.corrected.force.setZero(3 * body.model.node_count());
+  std::size_t n = 0;
+  while (body.rest[n].z() < 0.009) ++n;
+  const double m = body.state.mass[n];
+  body.state.v[n] = Vec3(0.1, 0, 0);
+  EXPECT_NEAR(watch.look(bodies).gained, 0.5 * m * 0.01, 1e-12 * m);
+  EXPECT_EQ(watch.look(bodies).gained, 0);
+  // Moved by 1 µm under 1 N: 1 µJ of work, far above what it stores and has of motion.
+  body.state.x[n].x() += 1e-6;
+  EXPECT_GT(watch.look(bodies).gained, 0);
+  body.corrected.force[3 * static_cast<Eigen::Index>(n)] = 1;
+  body.state.x[n].x() += 1e-6;
+  body.state.v[n] = Vec3(0.2, 0, 0);
+  EXPECT_EQ(watch.look(bodies).gained, 0);
+}
+
 TEST_F(CutBlock, BoundsByHand) {
   const TissueWatch watch(scene, bodies, 0.01);
   EXPECT_NEAR(watch.bounds().farthest, 0.005 * std::sqrt(3.0) + 2 * 0.01 / 2 + 2e-3, 1e-12);
