@@ -6,11 +6,27 @@
 namespace hapticd {
 namespace {
 
+bool in_order(const ContactCandidate& a, const ContactCandidate& b) noexcept {
+  return a.sample != b.sample ? a.sample < b.sample : a.primitive < b.primitive;
+}
+
 bool deeper(const ContactCandidate& a, const ContactCandidate& b) noexcept {
-  return a.gap != b.gap ? a.gap < b.gap : a.sample < b.sample;
+  return a.gap != b.gap ? a.gap < b.gap : in_order(a, b);
+}
+
+int overlapping(std::span<const ContactCandidate> candidate) noexcept {
+  return static_cast<int>(std::count_if(candidate.begin(), candidate.end(),
+                                        [](const ContactCandidate& c) { return c.gap < 0; }));
 }
 
 }  // namespace
+
+int keep_deepest(std::span<ContactCandidate> candidate, int count) noexcept {
+  const auto kept = candidate.begin() + count;
+  std::nth_element(candidate.begin(), kept, candidate.end(), deeper);
+  std::sort(candidate.begin(), kept, in_order);
+  return overlapping(candidate.subspan(static_cast<std::size_t>(count)));
+}
 
 int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcept {
   const auto begin = candidate.begin(), end = candidate.end();
@@ -37,9 +53,8 @@ int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcep
   std::nth_element(half, full, end, [](const ContactCandidate& a, const ContactCandidate& b) {
     return a.face != b.face ? a.face < b.face : deeper(a, b);
   });
-  std::sort(begin, full,
-            [](const ContactCandidate& a, const ContactCandidate& b) { return a.sample < b.sample; });
-  return static_cast<int>(std::count_if(full, end, [](const ContactCandidate& c) { return c.gap < 0; }));
+  std::sort(begin, full, in_order);
+  return overlapping(candidate.subspan(static_cast<std::size_t>(capacity)));
 }
 
 }  // namespace hapticd

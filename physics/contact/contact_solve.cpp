@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/contact_pairs.h"
 #include "physics/contact/missed_contact.h"
 
 namespace hapticd {
@@ -29,7 +30,7 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
   const int m = scratch.rows.rows_per_contact;
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const ContactRow& row = scratch.rows.row[i];
-    const ContactMemory::Entry* known = memory.find(row.id);
+    const ContactMemory::Entry* known = memory.find(row.id, row.primitive);
     const Vec3 l = known ? Vec3(row.frame.transpose() * known->lambda) : Vec3::Zero();
     for (int c = 0; c < m; ++c) scratch.lambda[m * i + c] = l[c];
     scratch.active[i] = l[0] > 0;
@@ -134,7 +135,7 @@ void remember_linearisation(ContactScratch& scratch) noexcept {
   scratch.working.count = scratch.rows.contacts;
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const ContactRow& row = scratch.rows.row[i];
-    scratch.working.entry[i] = {row.id, row.frame * local_lambda(scratch, i), row.anchor, false};
+    scratch.working.entry[i] = {row.id, row.frame * local_lambda(scratch, i), row.anchor, false, row.primitive};
   }
 }
 
@@ -245,17 +246,26 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
 double deepest_overlap(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
                        const ContactScratch& scratch, double& lost) noexcept {
   double deepest = 0;
-  int row = 0;  // rows are by sample
+  const ContactRows& rows = scratch.rows;
+  int row = 0;  // rows are by sample, then primitive
   lost = 0;
   const PlacedInstrument placed(instrument, X);
   for (int k = 0; k < problem.samples; ++k) {
     const Vec3 s = sample_position(problem, scratch.x, k);
-    while (row < scratch.rows.contacts && scratch.rows.row[row].sample < k) ++row;
-    const bool activation = row < scratch.rows.contacts && scratch.rows.row[row].sample == k;
-    if (!placed.near(s, activation ? -deepest : -lost)) continue;
+    while (row < rows.contacts && rows.row[row].sample < k) ++row;
+    int end = row;
+    while (end < rows.contacts && rows.row[end].sample == k) ++end;
+    const bool all_held = end - row == static_cast<int>(placed.primitives());
+    if (!placed.near(s, all_held ? -deepest : -lost)) continue;
     const double overlap = -placed.gap(s).distance;
     deepest = std::max(deepest, overlap);
-    if (!activation) lost = std::max(lost, overlap);
+    if (all_held) continue;
+    // How deep it is in the primitives that it has rows for: one of them may imply the nearest's.
+    double activation = -std::numeric_limits<double>::infinity();
+    for (int i = row; i < end; ++i)
+      activation =
+          std::max(activation, -placed.gap(static_cast<std::size_t>(rows.row[i].primitive), s).distance);
+    if (overlap > activation + same_gap) lost = std::max(lost, overlap);
   }
   return deepest;
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "physics/contact/contact_pairs.h"
+
 namespace hapticd {
 
 bool violates_inactive_contact(const CondensedProblem& problem, const Instrument& instrument,
@@ -24,12 +26,10 @@ bool violates_inactive_contact(const CondensedProblem& problem, const Instrument
   for (int k = 0; k < problem.samples; ++k) {
     const double reach = obstacle(k) ? margin : std::max(margin, problem.alarm_distance);
     const Vec3 s = sample_position(problem, x_lin, k);
-    if (!placed.near(s, reach)) continue;
-    const Gap gap = placed.gap(s);
-    if (gap.distance >= held && gap.distance < reach &&
-        gap.normal.dot(problem.sample[k].outward) < facing_away &&
-        gap_reached(problem, k, s, gap, X_lin, moved, end.x) < (gap.distance < margin ? 0 : -margin))
-      return true;
+    for (const Gap& gap : GapsInReach(placed, s, reach))
+      if (gap.distance >= held && gap.normal.dot(problem.sample[k].outward) < facing_away &&
+          gap_reached(problem, k, s, gap, X_lin, moved, end.x) < (gap.distance < margin ? 0 : -margin))
+        return true;
   }
   return false;
 }

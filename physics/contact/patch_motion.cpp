@@ -42,6 +42,12 @@ const ContactMemory::Entry* ContactMemory::find(std::uint64_t id) const noexcept
   return found != end && found->id == id ? &*found : nullptr;
 }
 
+const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int primitive) const noexcept {
+  for (const Entry* e = find(id); e && e != entry.data() + count && e->id == id; ++e)
+    if (e->primitive == primitive) return e;
+  return nullptr;
+}
+
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, std::span<const double> lambda,
                      PatchPositions& x) noexcept {
   NodeForces f{};
@@ -52,6 +58,12 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
     add_force(problem.sample[rows.row[i].sample], force, f);
   }
   apply_compliance(problem, f, x);
+}
+
+Vec3 ContactMemory::force_on(std::uint64_t id) const noexcept {
+  Vec3 force = Vec3::Zero();
+  for (const Entry* e = find(id); e && e != entry.data() + count && e->id == id; ++e) force += e->lambda;
+  return force;
 }
 
 bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept {

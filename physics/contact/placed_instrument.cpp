@@ -7,6 +7,8 @@
 namespace hapticd {
 namespace {
 
+constexpr double round_off = 1e-12;
+
 double square(double x) noexcept { return x * x; }
 
 }  // namespace
@@ -45,11 +47,28 @@ bool PlacedInstrument::within(std::size_t k, const Vec3& x, double reach) const 
   });
 }
 
+bool PlacedInstrument::near(std::size_t k, const Vec3& x, double reach) const noexcept {
+  return count_ == 0 || within(k, x, reach + round_off);
+}
+
 bool PlacedInstrument::near(const Vec3& x, double reach) const noexcept {
-  constexpr double round_off = 1e-12;
   for (std::size_t k = 0; k < count_; ++k)
     if (within(k, x, reach + round_off)) return true;
   return count_ < instrument_.primitives.size();
+}
+
+Gap PlacedInstrument::gap(std::size_t k, const Vec3& x) const noexcept {
+  const Primitive& p = instrument_.primitives[k];
+  Gap gap;
+  if (count_ == 0) {
+    gap = gap_at(p, p.placement.to_local(X_.to_local(x)));
+    gap.normal = X_.q * (p.placement.q * gap.normal);
+  } else {
+    gap = gap_at(p, placed_[k].world_to_local * (x - placed_[k].p));
+    gap.normal = placed_[k].world_to_local.transpose() * gap.normal;
+  }
+  gap.primitive = static_cast<int>(k);
+  return gap;
 }
 
 Gap PlacedInstrument::gap(const Vec3& x) const noexcept {

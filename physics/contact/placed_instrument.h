@@ -21,6 +21,11 @@ class PlacedInstrument {
   Gap gap(const Vec3& x) const noexcept;
   bool near(const Vec3& x, double reach) const noexcept;
 
+  // Of primitive k alone.
+  Gap gap(std::size_t k, const Vec3& x) const noexcept;
+  bool near(std::size_t k, const Vec3& x, double reach) const noexcept;
+  std::size_t primitives() const noexcept { return instrument_.primitives.size(); }
+
  private:
   struct Placed {
     Mat3 world_to_local;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/contact_pairs.h"
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/delassus.h"
 #include "physics/contact/missed_contact.h"
@@ -27,8 +28,8 @@ bool face_near(const PatchSample& s, const PlacedInstrument& instrument, const P
   return instrument.near(centre, reach + radius);
 }
 
-// Samples that become rows, by sample index (which is by id), each row with sample, gap and, in its frame's
-// first column, normal. Counts the overlapping ones that did not fit.
+// Samples and primitives that become rows, by sample index (which is by id), then primitive; each row with
+// both, gap and, in its frame's first column, normal. Counts the overlapping ones that did not fit.
 void select(const CondensedProblem& problem, const PlacedInstrument& instrument, const Pose& X_lin,
             const PatchPositions& x, double margin, const Reached* reached, ContactRows& rows) noexcept {
   const Vec6 moved = reached ? difference(reached->X, X_lin) : Vec6(Vec6::Zero());
@@ -36,10 +37,11 @@ void select(const CondensedProblem& problem, const PlacedInstrument& instrument,
   std::array<ContactCandidate, max_patch_samples> candidate;
   const auto take = [&rows](int i, int sample, const Gap& gap) {
     rows.row[i].sample = sample;
+    rows.row[i].primitive = gap.primitive;
     rows.row[i].gap = gap.distance;
     rows.row[i].frame.col(0) = gap.normal;
   };
-  int count = 0;
+  int count = 0, dropped = 0;
   std::uint32_t face = 0;
   bool near = true;
   for (int k = 0; k < problem.samples; ++k) {
@@ -49,20 +51,27 @@ void select(const CondensedProblem& problem, const PlacedInstrument& instrument,
     if (next || k == 0) near = face_near(sample, instrument, x, reach);
     if (!near) continue;
     const Vec3 s = sample_position(problem, x, k);
-    if (!instrument.near(s, reach)) continue;
-    const Gap gap = instrument.gap(s);
-    if (!(gap.distance < reach && gap.normal.dot(sample.outward) < facing_away)) continue;
-    if (!(gap.distance < margin) && !(gap_reached(problem, k, s, gap, X_lin, moved, reached->x) < 0))
-      continue;
-    if (count < max_contacts) take(count, k, gap);
-    candidate[count++] = {gap.distance, k, face};
+    for (const Gap& gap : GapsInReach(instrument, s, reach)) {
+      if (!(gap.normal.dot(sample.outward) < facing_away)) continue;
+      if (!(gap.distance < margin) && !(gap_reached(problem, k, s, gap, X_lin, moved, reached->x) < 0))
+        continue;
+      // Only where samples have several primitives within reach.
+      if (count == max_patch_samples) {
+        count /= 2;
+        dropped += keep_deepest(candidate, count);
+      }
+      if (count < max_contacts) take(count, k, gap);
+      candidate[count++] = {gap.distance, k, face, gap.primitive};
+    }
   }
   rows.contacts = std::min(count, max_contacts);
-  rows.dropped = 0;
+  rows.dropped = dropped;
   if (count <= max_contacts) return;
-  rows.dropped = select_contacts({candidate.data(), static_cast<std::size_t>(count)}, max_contacts);
+  rows.dropped += select_contacts({candidate.data(), static_cast<std::size_t>(count)}, max_contacts);
   for (int i = 0; i < max_contacts; ++i)
-    take(i, candidate[i].sample, instrument.gap(sample_position(problem, x, candidate[i].sample)));
+    take(i, candidate[i].sample,
+         instrument.gap(static_cast<std::size_t>(candidate[i].primitive),
+                        sample_position(problem, x, candidate[i].sample)));
 }
 
 // J d of one contact, in its frame: minus the displacement of the instrument's point at the contact.
@@ -114,7 +123,8 @@ void build_rows(const CondensedProblem& problem, const Instrument& instrument, c
     row.frame = contact_frame(normal);
     row.arm = s - X_lin.p;
     row.friction = problem.sample[k].friction;
-    const ContactMemory::Entry* known = memory.find(row.id);
+    const ContactMemory::Entry* known = memory.find(row.id, row.primitive);
+    if (!known) known = memory.find(row.id);
     row.anchor = known ? known->anchor : X_lin.to_local(s);
     row.delta_free = row.frame.transpose() * (s_free - X_lin.to_world(row.anchor));
     row.delta_free[0] = row.gap + normal.dot(s_free - s);
@@ -132,7 +142,7 @@ void shift_rows(const CondensedProblem& problem, const Pose& X_frozen, const Pos
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
     if (rows.rows_per_contact == 3) {
-      if (const ContactMemory::Entry* known = memory.find(row.id)) row.anchor = known->anchor;
+      if (const ContactMemory::Entry* known = memory.find(row.id, row.primitive)) row.anchor = known->anchor;
       const Vec3 s_free = sample_position(problem, problem.x_free, row.sample);
       const Vec3 slip = row.frame.transpose() * (s_free - X_frozen.to_world(row.anchor));
       row.delta_free.tail<2>() = slip.tail<2>();

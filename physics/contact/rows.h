@@ -17,9 +17,11 @@
 // means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, and rigid
 // friction is hyperstatic without it.
 // Units: δ in m, λ in N, J·twist in m. Friction rows exist only where some μ > 0.
+// A row is for one sample and one primitive; a sample has rows for all primitives within the margin
+// (contact_pairs.h), or the solve would move it from one that is held to one that is not, and back in the next.
 // Anchors: a sample that sticks keeps the place in the instrument's frame where it began to stick;
 // a sliding or new one takes its place of the previous solve (slip is per solve, not per step).
-// Guarantee: wait-free, no allocation, under 64 kB of stack; bounded by max_patch_samples × primitives
+// Guarantee: wait-free, no allocation, under 80 kB of stack; bounded by max_patch_samples × primitives
 // and max_contacts × (patch nodes + max_contacts) 3×3 products.
 // The linearisation's own place serves a sample that no solve has seen.
 // Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
@@ -38,6 +40,7 @@ namespace hapticd {
 
 struct ContactRow {
   int sample;          // index into the problem's samples
+  int primitive;       // of the instrument: a row is known by its sample and this
   std::uint64_t id;    // the sample's id
   Mat3 frame;          // columns n, t1, t2 (world)
   Vec3 arm;            // s − p_instrument [m]
@@ -63,18 +66,23 @@ struct ContactRows {
   Eigen::Map<const VecX> q() const noexcept { return {q_storage.data(), rows()}; }
 };
 
-// What a contact remembers between solves, found again by sample id.
+// What a contact remembers between solves, found again by sample id and primitive.
 struct ContactMemory {
   struct Entry {
     std::uint64_t id;
     Vec3 lambda;        // world axes, on the tissue [N]
     Vec3 anchor;        // instrument frame [m]
     bool sticking;
+    int primitive = 0;
   };
   int count = 0;
-  std::array<Entry, max_contacts> entry;  // sorted by id
+  std::array<Entry, max_contacts> entry;  // sorted by id, then primitive
 
+  const Entry* find(std::uint64_t id, int primitive) const noexcept;
+  // The first of the sample, of whichever primitive.
   const Entry* find(std::uint64_t id) const noexcept;
+  // Sum over the sample's primitives.
+  Vec3 force_on(std::uint64_t id) const noexcept;
 };
 
 // Positions of the patch's nodes that rows are linearised at (x_free to begin with).

@@ -14,7 +14,7 @@ namespace hapticd {
 namespace {
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
-constexpr std::uint32_t version = 1, byte_order = 0x01020304;
+constexpr std::uint32_t version = 2, byte_order = 0x01020304;
 constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
 
 // One description of the layout for both directions: `put` of the writer appends, of the reader takes.
@@ -36,6 +36,7 @@ class FileWriter {
     return n;
   }
   void expect(bool, const char*) {}
+  std::uint32_t written_as() const { return version; }
   const std::string& bytes() const { return bytes_; }
 
  private:
@@ -69,6 +70,8 @@ class FileReader {
     if (!holds) fail(otherwise);
   }
   void finish() { expect(at_ == bytes_.size(), "longer than a captured problem of its lengths"); }
+  std::uint32_t written_as() const { return written_as_; }
+  void set_written_as(std::uint32_t file_version) { written_as_ = file_version; }
   [[noreturn]] void fail(const std::string& what) const { throw InputError(file_, 0, "", what); }
 
  private:
@@ -81,6 +84,7 @@ class FileReader {
   std::filesystem::path file_;
   std::string bytes_;
   std::size_t at_ = 0;
+  std::uint32_t written_as_ = version;
 };
 
 template <typename File>
@@ -148,19 +152,27 @@ void layout(File& f, CondensedProblem& p) {
 }
 
 template <typename File>
-void layout(File& f, ContactState& s) {
+void layout(File& f, ContactState& s, std::size_t primitives) {
   ContactMemory& m = s.memory;
   m.count =
       static_cast<int>(f.length(static_cast<std::size_t>(m.count), max_contacts, "remembered contacts"));
   for (int k = 0; k < m.count; ++k) {
     ContactMemory::Entry& e = m.entry[k];
     f.put(e.id);
+    if (f.written_as() >= 2)
+      f.put(e.primitive);
+    else
+      e.primitive = 0;
+    f.expect(e.primitive >= 0 && (e.primitive == 0 || static_cast<std::size_t>(e.primitive) < primitives),
+             "a contact of a primitive that is not there");
     layout(f, e.lambda);
     layout(f, e.anchor);
     std::uint8_t sticking = e.sticking;
     f.put(sticking);
     e.sticking = sticking != 0;
-    f.expect(k == 0 || m.entry[k - 1].id < e.id, "contacts that are not in the order of their ids");
+    f.expect(k == 0 || m.entry[k - 1].id < e.id ||
+                 (m.entry[k - 1].id == e.id && m.entry[k - 1].primitive < e.primitive),
+             "contacts that are not in the order of their ids");
   }
   f.numbers(s.coupling_offset.data(), 6);
 }
@@ -172,7 +184,7 @@ void layout(File& f, CapturedProblem& c) {
   for (Primitive& p : primitives) layout(f, p);
   f.put(c.instrument.tip);
   layout(f, c.capture.problem);
-  layout(f, c.capture.state);
+  layout(f, c.capture.state, primitives.size());
   layout(f, c.capture.X);
   f.put(c.capture.period);
   f.put(c.capture.margin);
@@ -214,7 +226,9 @@ std::unique_ptr<CapturedProblem> read_capture(const std::filesystem::path& file)
   reader.put(file_version);
   reader.put(order);
   reader.expect(order == byte_order, "was written on a machine of another byte order");
-  if (file_version != version) reader.fail("has version " + std::to_string(file_version) + ", not 1");
+  if (file_version != 1 && file_version != version)
+    reader.fail("has version " + std::to_string(file_version) + ", not 1 or 2");
+  reader.set_written_as(file_version);
   auto captured = std::make_unique<CapturedProblem>();
   layout(reader, *captured);
   reader.finish();

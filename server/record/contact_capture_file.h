@@ -2,9 +2,10 @@
 //
 // Layout, little-endian: "HAPTICLC", version (u32), byte-order mark (u32), then instrument, problem, state,
 // pose, settings and result, each array with its length before it. Numbers are IEEE doubles or 32/64-bit
-// integers; one file is at most 0.9 MB. Errors: write throws std::runtime_error naming the file; read throws
-// InputError for a file that is none of these, of another version, cut short, longer than it says, or with
-// lengths, indices or numbers out of range.
+// integers; one file is at most 0.9 MB. Version 1 is read too: it lacks the primitives of remembered
+// contacts, which are 0 then. Errors: write throws std::runtime_error naming the file; read throws InputError
+// for a file that is none of these, of another version, cut short, longer than it says, or with lengths,
+// indices or numbers out of range.
 #pragma once
 
 #include <filesystem>

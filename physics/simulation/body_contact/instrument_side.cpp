@@ -33,7 +33,7 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
   ++scratch_.matrix_version;
   lambda = VecX::Zero(rows.rows());
   for (int i = 0; i < rows.contacts; ++i)
-    if (const ContactMemory::Entry* known = working_.find(rows.row[i].id))
+    if (const ContactMemory::Entry* known = working_.find(rows.row[i].id, rows.row[i].primitive))
       lambda.segment(rows.rows_per_contact * i, rows.rows_per_contact) =
           (rows.row[i].frame.transpose() * known->lambda).head(rows.rows_per_contact);
 }
@@ -91,7 +91,7 @@ void InstrumentSide::remember(ContactMemory& memory) const {
   for (int i = 0; i < rows.contacts; ++i) {
     const int m = rows.rows_per_contact;
     const Vec3 force = rows.row[i].frame.leftCols(m) * lambda.segment(m * i, m);
-    memory.entry[i] = {rows.row[i].id, force, rows.row[i].anchor, false};
+    memory.entry[i] = {rows.row[i].id, force, rows.row[i].anchor, false, rows.row[i].primitive};
   }
 }
 

@@ -37,8 +37,8 @@ VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memo
   for (int k = 0; k < problem.samples; ++k) {
     const PatchSample& s = problem.sample[k];
     if (s.node[0] < 0) continue;
-    const ContactMemory::Entry* known = memory.find(s.id);
-    for (int c = 0; known && c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * known->lambda;
+    const Vec3 force = memory.force_on(s.id);
+    for (int c = 0; c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * force;
   }
   return f;
 }

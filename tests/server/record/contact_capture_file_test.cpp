@@ -98,6 +98,43 @@ TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
   }
 }
 
+// A file of version 1 is one of version 2 without the primitive (an i32) of each remembered contact.
+TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
+  const auto captured = pressed(Renewal::renewed);
+  const ContactMemory& memory = captured->capture.state.memory;
+  ASSERT_GT(memory.count, 3);
+  for (int k = 0; k < memory.count; ++k) ASSERT_EQ(memory.entry[k].primitive, 0);
+  write_capture(file_, captured->instrument, captured->capture);
+  std::string old = bytes();
+  constexpr std::size_t entry = 8 + 4 + 2 * 24 + 1, after = 48 + 56 + 8 + 8 + 4 + 8 + 1 + 8 + 48;
+  const std::size_t first = old.size() - after - static_cast<std::size_t>(memory.count) * entry;
+  for (int k = memory.count - 1; k >= 0; --k) old.erase(first + static_cast<std::size_t>(k) * entry + 8, 4);
+  old[8] = 1;
+  std::ofstream(file_, std::ios::binary | std::ios::trunc) << old;
+  const auto read = read_capture(file_);
+  for (int k = 0; k < memory.count; ++k) {
+    EXPECT_EQ(read->capture.state.memory.entry[k].id, memory.entry[k].id);
+    EXPECT_EQ(read->capture.state.memory.entry[k].primitive, 0);
+  }
+  ContactState state = read->capture.state;
+  EXPECT_EQ(again(*read, state).wrench, captured->capture.wrench);
+}
+
+// A sample remembered with two primitives comes back with both; one the instrument does not have is refused.
+TEST_F(CaptureFile, PrimitivesOfContactsComeBack) {
+  const auto captured = pressed(Renewal::renewed);
+  ContactMemory& memory = captured->capture.state.memory;
+  memory.entry[memory.count] = memory.entry[memory.count - 1];
+  memory.entry[memory.count++].primitive = 1;
+  write_capture(file_, captured->instrument, captured->capture);
+  const auto read = read_capture(file_);
+  ASSERT_EQ(read->capture.state.memory.count, memory.count);
+  EXPECT_EQ(read->capture.state.memory.entry[memory.count - 1].primitive, 1);
+  memory.entry[memory.count - 1].primitive = 2;
+  write_capture(file_, captured->instrument, captured->capture);
+  EXPECT_THROW(read_capture(file_), InputError);
+}
+
 TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   const auto captured = pressed(Renewal::renewed);
   write_capture(file_, captured->instrument, captured->capture);
@@ -107,8 +144,8 @@ TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
   expect_refused(good + "x", "longer");
   std::string other = good;
-  other[8] = 2;
-  expect_refused(other, "version 2");
+  other[8] = 3;
+  expect_refused(other, "version 3");
   other = good;
   other[12] = 9;
   expect_refused(other, "byte order");
