@@ -4,6 +4,7 @@
 #include <time.h>
 
 #include <cerrno>
+#include <limits>
 #include <stdexcept>
 #include <system_error>
 
@@ -40,6 +41,23 @@ std::int64_t page_faults_of_thread() noexcept {
   return usage.ru_minflt + usage.ru_majflt;
 }
 
+// The time left until a solve is to end, and what was answered to whom asked.
+struct SolveClock {
+  std::int64_t until_ns;
+  ClockAnswers* answers;  // null: not kept
+
+  static std::int64_t left_ns(const void* clock) noexcept {
+    const auto& self = *static_cast<const SolveClock*>(clock);
+    std::int64_t left = self.until_ns - monotonic_ns();
+    if (!self.answers) return left;
+    ClockAnswers& a = *self.answers;
+    left = std::max<std::int64_t>(left, std::numeric_limits<std::int32_t>::min());
+    if (a.count < ClockAnswers::capacity) a.left_ns[a.count] = static_cast<std::int32_t>(left);
+    ++a.count;
+    return left;
+  }
+};
+
 }  // namespace
 
 std::int64_t monotonic_ns() noexcept {
@@ -58,15 +76,11 @@ HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& devic
                        const HapticOptions& options, DevicePort& port, Channel<CondensedProblem>& problems,
                        Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history,
                        const LoopTiming& timing)
-    : instrument_(instrument),
-      device_(device),
-      options_(options),
+    : tick_(instrument, device, options, problems),
       port_(port),
-      problems_(problems),
       instrument_inputs_(instrument_inputs),
       history_(history),
-      timing_(timing),
-      state_(std::make_unique<HapticState>()) {}
+      timing_(timing) {}
 
 HapticLoop::~HapticLoop() { stop(); }
 
@@ -92,12 +106,12 @@ void HapticLoop::run() noexcept {
   else
     run_on_arrivals();
   ForceSample last;
-  last.sequence = state_->tick + 1;
+  last.sequence = tick_.state().tick + 1;
   port_.write(last);
 }
 
 void HapticLoop::run_on_grid() noexcept {
-  std::int64_t intended = monotonic_ns() + options_.watchdog.period_ns;
+  std::int64_t intended = monotonic_ns() + options().watchdog.period_ns;
   statistics_.first_ns.store(intended, relaxed);
   while (!stopping_.load(relaxed)) {
     wait_for(intended);
@@ -116,7 +130,7 @@ void HapticLoop::wait_for(std::int64_t intended) noexcept {
 }
 
 void HapticLoop::run_on_arrivals() noexcept {
-  const std::int64_t period = options_.watchdog.period_ns;
+  const std::int64_t period = options().watchdog.period_ns;
   std::int64_t last = monotonic_ns();
   bool arrival = false;
   statistics_.first_ns.store(last, relaxed);
@@ -140,27 +154,18 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
 
   HapticInput input;
   if (timing_.mode == LoopMode::event)
-    input.period_ns = std::clamp(interval, std::int64_t{1}, options_.watchdog.period_ns);
-  if (tunings_ && tunings_->acquire()) start_ramp(ramp_, tunings_->front());
-  const std::int64_t period = input.period_ns > 0 ? input.period_ns : options_.watchdog.period_ns;
-  advance(ramp_, device_, 1e-9 * static_cast<double>(period));
+    input.period_ns = std::clamp(interval, std::int64_t{1}, options().watchdog.period_ns);
+  const bool retuned = tunings_ && tunings_->acquire();
+  if (retuned) tick_.retune(tunings_->front());
+  if (record_) record_->facts.retuned = retuned;
   {
     const Mark theirs(Region::transport);
     take(intended, input);
   }
-  problems_.acquire();
-  const CondensedProblem* problem = problems_.front().step > 0 ? &problems_.front() : nullptr;
 
-  const std::int64_t begun = monotonic_ns(), solve_until = begun + options_.solve_budget_ns;
-  input.deadline.clock = &solve_until;
-  input.deadline.left_ns = [](const void* until) noexcept {
-    return *static_cast<const std::int64_t*>(until) - monotonic_ns();
-  };
-  if (captures_) before_ = state_->contact;
-  ForceSample force = haptic_step(problem, instrument_, device_, options_, input, *state_);
-  const std::int64_t solved = monotonic_ns();
+  ForceSample force;
+  const std::int64_t solved = solve_by_clock(input, force);
   force.wake_ns = woken - intended;
-  force.solve_ns = solved - begun;
 
   {
     const Mark theirs(Region::transport);
@@ -168,18 +173,55 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   }
   const std::int64_t written = monotonic_ns();
 
-  const WatchdogState& watchdog = state_->watchdog;
-  const InstrumentInput instrument = instrument_input(device_, options_.watchdog, watchdog, input.now_ns);
+  const HapticState& state = tick_.state();
+  const InstrumentInput instrument = tick_.instrument(input.now_ns);
   instrument_inputs_.back() = instrument;
   instrument_inputs_.publish();
-  history_.push({intended, force, watchdog.sample.pose, instrument});
+  history_.push({intended, force, state.watchdog.sample.pose, instrument});
+  if (record_) record(input, force);
 
   // What was solved: the published problem, or the patch made from it.
-  if (captures_ && state_->solved) capture(state_->patch.step > 0 ? state_->patch.problem : *problem, force);
+  if (captures_ && state.solved) capture(state.patch.step > 0 ? state.patch.problem : *tick_.problem(), force);
   statistics_.write.record(written - solved);
   if (interval > 0) statistics_.interval.record(interval);
   count(force);
   count_page_faults(force);
+}
+
+// When it was solved.
+std::int64_t HapticLoop::solve_by_clock(HapticInput& input, ForceSample& force) noexcept {
+  if (captures_) before_ = tick_.state().contact;
+  if (record_) record_->clock.count = 0;
+  const std::int64_t begun = monotonic_ns();
+  const SolveClock clock{begun + options().solve_budget_ns, record_ ? &record_->clock : nullptr};
+  input.deadline.clock = &clock;
+  input.deadline.left_ns = SolveClock::left_ns;
+  force = tick_.run(input);
+  input.deadline = {};
+  const std::int64_t solved = monotonic_ns();
+  force.solve_ns = solved - begun;
+  return solved;
+}
+
+void HapticLoop::record_into(SpscQueue<TickRecord>& records) {
+  records_ = &records;
+  record_ = std::make_unique<TickRecord>();
+}
+
+void HapticLoop::record(const HapticInput& input, const ForceSample& force) noexcept {
+  TickFacts& r = record_->facts;
+  r.now_ns = input.now_ns;
+  r.period_ns = input.period_ns;
+  r.presence = input.presence;
+  r.taken = input.taken;
+  r.sample = input.sample;
+  if (r.retuned) r.tuning = tunings_->front();
+  r.tick = force.sequence;
+  r.problem = force.step;
+  r.force = force.force;
+  r.torque = force.torque;
+  r.status = force.status;
+  records_->push(*record_);
 }
 
 // Until when a tick that first looks at `now` waits for a state. Behind a stall that counts from the grid
@@ -188,7 +230,7 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
 std::int64_t HapticLoop::waits_until(std::int64_t intended, std::int64_t now) const noexcept {
   if (timing_.mode == LoopMode::event || timing_.late_state_ns == 0 || answered_in_a_row_ < steady_ticks)
     return 0;
-  const std::int64_t period = options_.watchdog.period_ns;
+  const std::int64_t period = options().watchdog.period_ns;
   const std::int64_t late = (now - intended) % period, grid_point = now - late;
   if (late > period / 2) return 0;
   return grid_point + std::max(timing_.late_state_ns, late + timing_.behind_stall_ns);
@@ -216,7 +258,7 @@ void HapticLoop::count_page_faults(const ForceSample& force) noexcept {
   if (faults_before_ < 0) {
     if (force.status & status_disarmed) return;
     faults_before_ = page_faults_of_thread();
-  } else if (state_->tick % every == 0) {
+  } else if (tick_.state().tick % every == 0) {
     statistics_.page_faults.store(static_cast<std::uint64_t>(page_faults_of_thread() - faults_before_),
                                   relaxed);
   }
@@ -231,8 +273,8 @@ void HapticLoop::capture(const CondensedProblem& problem, const ForceSample& for
   constexpr std::uint64_t ticks_between = 20;
   ++solves_;
   // A tick that had a removal in it may have been solved in two parts.
-  if (problem.topology_changed && state_->patch.step > 0 &&
-      state_->patch.period < 0.9e-9 * static_cast<double>(options_.watchdog.period_ns))
+  if (problem.topology_changed && tick_.state().patch.step > 0 &&
+      tick_.state().patch.period < 0.9e-9 * static_cast<double>(options().watchdog.period_ns))
     return;
   const bool capped = (force.status & status_solver_cap) != 0;
   if (!capped && (capture_every_ == 0 || solves_ % capture_every_ != 0)) return;
@@ -241,20 +283,20 @@ void HapticLoop::capture(const CondensedProblem& problem, const ForceSample& for
   ContactCapture& c = captures_->back();
   copy_in_use(problem, c.problem);
   c.state = before_;
-  c.X = to_scene(device_, state_->watchdog.sample.pose);
-  c.period = 1e-9 * static_cast<double>(options_.watchdog.period_ns);
-  c.margin = options_.contact.margin;
-  c.linearisations = options_.contact.linearisations;
-  c.tolerance = options_.contact.coulomb.tolerance;
+  c.X = to_scene(tick_.device(), tick_.state().watchdog.sample.pose);
+  c.period = 1e-9 * static_cast<double>(options().watchdog.period_ns);
+  c.margin = options().contact.margin;
+  c.linearisations = options().contact.linearisations;
+  c.tolerance = options().contact.coulomb.tolerance;
   c.status = capped ? SolveStatus::iteration_cap : SolveStatus::solved;
   c.residual = force.residual;
-  c.wrench = state_->solution.wrench;
+  c.wrench = tick_.state().solution.wrench;
   captures_->publish();
 }
 
 void HapticLoop::count(const ForceSample& force) noexcept {
   statistics_.wake.record(force.wake_ns);
-  if (state_->solved) {
+  if (tick_.state().solved) {
     statistics_.solve.record(force.solve_ns);
     raise(statistics_.penetration_max, force.penetration);
   }
@@ -265,14 +307,14 @@ void HapticLoop::count(const ForceSample& force) noexcept {
     add(statistics_.answered, std::uint64_t{1});
   }
   if (force.status & status_solver_cap) add(statistics_.solver_caps, std::uint64_t{1});
-  statistics_.refused.store(state_->watchdog.refused, relaxed);
-  statistics_.conflicts.store(state_->watchdog.conflicts, relaxed);
+  statistics_.refused.store(tick_.state().watchdog.refused, relaxed);
+  statistics_.conflicts.store(tick_.state().watchdog.conflicts, relaxed);
   statistics_.status.store(force.status, relaxed);
   raise(statistics_.force_peak, force.force.norm());
 }
 
 std::int64_t HapticLoop::next_slot(std::int64_t intended) noexcept {
-  const std::int64_t period = options_.watchdog.period_ns;
+  const std::int64_t period = options().watchdog.period_ns;
   const std::int64_t ended = monotonic_ns();
   std::int64_t next = intended + period;
   if (ended > next) {

@@ -27,10 +27,10 @@
 
 #include "haptic/channel.h"
 #include "haptic/contact_capture.h"
-#include "haptic/haptic_step.h"
+#include "haptic/haptic_tick.h"
 #include "haptic/loop_statistics.h"
 #include "haptic/spsc_queue.h"
-#include "haptic/tuning.h"
+#include "haptic/tick_record.h"
 
 namespace hapticd {
 
@@ -89,6 +89,10 @@ class HapticLoop {
   // channel must outlive the loop, which alone reads it.
   void retune_from(Channel<DeviceTuning>& tunings) noexcept { tunings_ = &tunings; }
 
+  // Records what each tick's force came from; what does not fit is dropped and counted by the queue. Before
+  // start; the queue must outlive the loop.
+  void record_into(SpscQueue<TickRecord>& records);
+
   // on_thread runs on the new thread before its first tick: the place for priority and affinity.
   void start(std::function<void()> on_thread = {});
   // Returns after the last tick; the last force written is zero and disarmed. Idempotent.
@@ -109,22 +113,23 @@ class HapticLoop {
   void capture(const CondensedProblem& problem, const ForceSample& force) noexcept;
   void count_page_faults(const ForceSample& force) noexcept;
 
-  const Instrument& instrument_;
-  DeviceSettings device_;  // the loop's thread alone changes it
-  const HapticOptions options_;
+  const HapticOptions& options() const noexcept { return tick_.options(); }
+  std::int64_t solve_by_clock(HapticInput& input, ForceSample& force) noexcept;
+  void record(const HapticInput& input, const ForceSample& force) noexcept;
+
+  HapticTick tick_;  // the loop's thread alone uses it
   DevicePort& port_;
-  Channel<CondensedProblem>& problems_;
   Channel<InstrumentInput>& instrument_inputs_;
   SpscQueue<ForceRecord>& history_;
   Channel<DeviceTuning>* tunings_ = nullptr;
-  TuningRamp ramp_;
+  SpscQueue<TickRecord>* records_ = nullptr;
+  std::unique_ptr<TickRecord> record_;  // where `records_` is
   Channel<ContactCapture>* captures_ = nullptr;
   std::uint64_t capture_every_ = 0;
   std::uint64_t solves_ = 0;
   std::uint64_t last_capture_ = 0;  // its tick
   ContactState before_;             // of this tick's solve, where captures are asked for
   const LoopTiming timing_;
-  std::unique_ptr<HapticState> state_;
   std::int64_t last_woken_ns_ = 0;
   int answered_in_a_row_ = 0;        // ticks, as far as it matters
   std::int64_t faults_before_ = -1;  // of this thread when it was first armed; −1: not yet

@@ -16,6 +16,12 @@ struct BodyReport {
   ComplianceReport compliance;
 };
 
+// What has happened when a step has begun.
+struct StepBegin {
+  int removed = 0;       // tetrahedra
+  bool interim = false;  // a problem without them is to be published
+};
+
 struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
   int fragments_aspirated = 0;

@@ -36,24 +36,36 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
 
 StepReport World::step(const std::function<InstrumentSample()>& latest, CondensedProblem& first,
                        const std::function<CondensedProblem&()>& publish_interim) {
-  StepReport report;
+  const StepBegin begun = begin_step(latest(), publish_interim ? &first : nullptr);
+  CondensedProblem& problem = begun.interim ? publish_interim() : first;
+  factor_step();
+  return finish_step(settings_.newest_pose ? latest() : begun_with_, problem);
+}
+
+StepBegin World::begin_step(const InstrumentSample& sample, CondensedProblem* interim) {
+  StepReport& report = report_ = {};
   ++steps_;
+  begun_with_ = sample;
   refresh_.forget();
 
-  InstrumentSample sample = latest();
   motion_.follow(sample, settings_.h);
   remove(sample, report);
   wake_near(sample);
-  report.interim = publish_interim && report.removed > 0 && fill_interim(sample, first, report);
-  CondensedProblem& problem = report.interim ? publish_interim() : first;
-  const bool topology_changed = report.removed > 0 && !report.interim;  // since the problem before
+  report.interim = interim && report.removed > 0 && fill_interim(sample, *interim, report);
+  return {report.removed, report.interim};
+}
 
-  report.references_adopted = factors_.references.take_over(bodies_);
+void World::factor_step() {
+  report_.references_adopted = factors_.references.take_over(bodies_);
   removal_.tell_compliances(bodies_);
   body_contact_.find(bodies_);
-  factors_.run(context_, sample, report);
+  factors_.run(context_, begun_with_, report_);
+}
 
-  if (settings_.newest_pose) sample = latest();
+const StepReport& World::finish_step(const InstrumentSample& newest, CondensedProblem& problem) {
+  StepReport& report = report_;
+  const InstrumentSample& sample = settings_.newest_pose ? newest : begun_with_;
+  const bool topology_changed = report.removed > 0 && !report.interim;  // since the problem before
   gather(sample, topology_changed, problem, report);
   contact_.condense(context_, factors_, sample, problem, report);
   body_contact_.solve(context_, factors_, contact_, sample, problem, force_before_handover(sample, report),

@@ -43,12 +43,19 @@ class World {
   StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem,
                   const std::function<CondensedProblem&()>& publish_interim = {});
 
+  // The same step in its parts, for whoever has something to do between them
+  // (server/schedule/step_schedule.h): 1, with an interim problem where that is not null; 2; and 3 to 8 with
+  // the newest sample there is by then. Nothing else may be called in between.
+  StepBegin begin_step(const InstrumentSample& sample, CondensedProblem* interim);
+  void factor_step();
+  const StepReport& finish_step(const InstrumentSample& newest, CondensedProblem& problem);
+
   // Between steps: the next one begins by removing these, whatever the tip does.
   void schedule_removal(int body, std::vector<int> tets) { removal_.schedule(body, std::move(tets)); }
 
   // Between steps, after one that removed something: its problem made again for where the instrument now is,
   // if what is left turns there. False: there is nothing to publish.
-  bool wants_refresh() const { return removing_ && prediction_.active(); }
+  bool wants_refresh() const { return removing_ && looks_ahead(); }
   bool refresh(const InstrumentSample& sample, CondensedProblem& problem);
 
   // Between steps: new reference factors to be made elsewhere, at most one at a time for a body; and back. A
@@ -60,6 +67,9 @@ class World {
   // The problem that the last step published, at another pose and with no contact of the bodies frozen: what
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
   ContactSolution solve_unfrozen(const InstrumentSample& sample, const CondensedProblem& published);
+
+  // A step's factor is made for the step to come, which then latches its pose at once.
+  bool looks_ahead() const { return prediction_.active(); }
 
   const Bodies& bodies() const { return bodies_; }
   const BodyContacts& contacts() const { return body_contact_.contacts(); }
@@ -81,6 +91,8 @@ class World {
 
   WorldSettings settings_;
   Instrument instrument_;
+  StepReport report_;            // of the step under way, or the last
+  InstrumentSample begun_with_;  // … and the sample that it began with
   Bodies bodies_;
   Collision collision_;
   std::vector<NearFace> near_;  // of the instrument's newest pose

@@ -40,7 +40,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
         scene, device, participant_,
         DeviceSessionOptions{options.mode, realtime_core_, simulation_core_, first,
                              first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
-                             options.capture_every}));
+                             options.capture_every, first ? options.schedule : std::nullopt}));
   };
   add(scene.device);
   for (const DeviceSettings& device : scene.more_devices) add(device);

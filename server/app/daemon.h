@@ -28,6 +28,7 @@ struct DaemonOptions {
   std::optional<std::filesystem::path> capture;  // a directory for contact problems (haptic/contact_capture.h)
   std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
   std::optional<Security> security;
+  std::optional<std::filesystem::path> schedule = {};  // of the scene's first device (schedule_file.h)
 };
 
 class Daemon {

@@ -41,18 +41,23 @@ DeviceSession::DeviceSession(const Scene& scene, const DeviceSettings& device, c
       diagnostics_(participant, scene, haptic_.statistics(), snapshots_, history_, options.record,
                    DiagnosticsScope{device.id, options.shows_scene}) {
   haptic_.retune_from(tunings_);
+  if (options.schedule) {
+    schedule_.emplace(*options.schedule, scene, device_);
+    simulation_.record_into(schedule_->steps());
+    haptic_.record_into(schedule_->ticks());
+  }
   if (options.capture) {
     haptic_.capture_into(captures_, options.capture_every);
     diagnostics_.write_captures(captures_, scene.instrument, *options.capture);
   }
-  // The first step pays for cold caches and the symbolic factor (150 ms): not on the clock.
-  world_->step([] { return InstrumentSample{}; }, problems_.back());
+  simulation_.warm_up();
 }
 
 DeviceSession::~DeviceSession() { stop(); }
 
 std::vector<Grant> DeviceSession::start_loops() {
   prefault_heap(sample_heap);
+  if (schedule_) schedule_->start(options_.realtime_core);
   simulation_.start([this] {
     // With one core there is nothing to keep apart.
     if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
@@ -81,6 +86,7 @@ void DeviceSession::retune(const DeviceTuning& tuning) noexcept {
 void DeviceSession::stop() noexcept {
   haptic_.stop();
   simulation_.stop();
+  if (schedule_) schedule_->stop();
   diagnostics_.stop();
 }
 
@@ -160,6 +166,10 @@ nlohmann::json DeviceSession::summary() const {
   j["recording_failed"] = diagnostics_.recording_failed();
   j["recorded"] = diagnostics_.recorded();
   j["recording_lost"] = diagnostics_.recording_lost();
+  if (schedule_) {
+    j["schedule_recorded"] = schedule_->recorded();
+    j["schedule_lost"] = schedule_->lost();
+  }
   return j;
 }
 

@@ -18,6 +18,7 @@
 #include "server/dds/device_bridge.h"
 #include "server/observe/metrics.h"
 #include "server/os/realtime.h"
+#include "server/schedule/schedule_recorder.h"
 
 namespace hapticd {
 
@@ -27,8 +28,9 @@ struct DeviceSessionOptions {
   int simulation_core = 0;  // where it is another
   bool shows_scene = true;  // publishes geometry and updates: the first station does
   std::optional<std::filesystem::path> record;
-  std::optional<std::filesystem::path> capture;  // a directory for contact problems
-  std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
+  std::optional<std::filesystem::path> capture;   // a directory for contact problems
+  std::uint64_t capture_every = 0;                // solves; 0: only those that end at a cap
+  std::optional<std::filesystem::path> schedule;  // a file for the run's schedule (schedule_file.h)
 };
 
 class DeviceSession {
@@ -71,6 +73,7 @@ class DeviceSession {
   Channel<ContactCapture> captures_;
   Channel<DeviceTuning> tunings_;
   SpscQueue<ForceRecord> history_;
+  std::optional<ScheduleRecorder> schedule_;
   SimulationLoop simulation_;
   HapticLoop haptic_;
   Diagnostics diagnostics_;

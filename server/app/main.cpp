@@ -43,7 +43,7 @@ struct Arguments {
   bool test_hooks = false;
   double duration = 0;
   std::uint32_t domain = 0;
-  std::string device, record, capture, json, secure, log, metrics;
+  std::string device, record, capture, schedule, json, secure, log, metrics;
   std::uint64_t capture_every = 0;
   bool force = false, open_network = false;
   std::vector<std::string> also;
@@ -69,6 +69,11 @@ void define(CLI::App& app, Arguments& a) {
       "--capture", a.capture,
       "Write contact problems whose solve ended at a cap into this directory (haptic chart lcp --from)");
   app.add_option("--capture-every", a.capture_every, "... and every N-th one besides")->needs(capture);
+  app.add_option(
+         "--schedule", a.schedule,
+         "Write to this file what each tick and step was given: haptic replay --offline --schedule FILE "
+         "makes the same forces of it")
+      ->type_name("FILE");
   app.add_option("--mode", a.mode,
                  "Instead of the scene's haptic.mode: a force each millisecond (tick), or for "
                  "each device state (event)")
@@ -76,8 +81,9 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option(
       "--json", a.json,
       "Write the run's figures to this file at the end, and at each SIGUSR1; with --check the plan");
-  app.add_flag("--force", a.force,
-               "Write over files of --record FILE.csv, --capture and --json that are there already");
+  app.add_flag(
+      "--force", a.force,
+      "Write over files of --record FILE.csv, --capture, --schedule and --json that are there already");
   app.add_option("--log", a.log,
                  "Lines for a person (human) or a program (json); default: human on a terminal")
       ->check(CLI::IsMember({"human", "json"}));
@@ -138,6 +144,7 @@ void check_outputs(const Arguments& a) {
   const OutputRule rule(a.force);
   rule.require_figures("--json", a.json);
   if (std::filesystem::path(a.record).extension() == ".csv") rule.require_new("--record", a.record);
+  rule.require_new("--schedule", a.schedule);
   rule.require_folder_without("--capture", a.capture, ".contact");
 }
 
@@ -226,7 +233,8 @@ int run(const Arguments& a) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
   take_dds_log();
-  Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security});
+  Daemon daemon(
+      scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security, path(a.schedule)});
   daemon.start();
   announce(daemon.grants());
   std::optional<MetricsServer> metrics;

@@ -5,9 +5,7 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <ctime>
 #include <limits>
-#include <optional>
 
 #include "haptic/loop.h"
 #include "server/observe/contact_forces.h"
@@ -15,8 +13,6 @@
 
 namespace hapticd {
 namespace {
-
-constexpr double refreshed_at[] = {0.6, 0.8};  // periods after a step's begin
 
 // A reference factor may wait; the step on the same core may not. Refused or not, nothing depends on it.
 void be_nice() {
@@ -36,7 +32,7 @@ SimulationLoop::SimulationLoop(World& world, PartTimes& times, double rate,
                                Channel<SceneSnapshot>& snapshots)
     : world_(world),
       times_(times),
-      period_ns_(std::llround(1e9 / rate)),
+      schedule_(world, std::llround(1e9 / rate)),
       instrument_(instrument),
       problems_(problems),
       snapshots_(snapshots) {}
@@ -68,35 +64,70 @@ void SimulationLoop::stop() noexcept {
 }
 
 void SimulationLoop::run() {
-  std::int64_t intended = monotonic_ns();
-  statistics_.first_ns = intended;
+  const std::int64_t first = monotonic_ns();
+  statistics_.first_ns = first;
+  schedule_.start(first);
   while (!stopping_) {
-    statistics_.last_ns = intended;
-    step();
-    refresh(intended);
-    intended += period_ns_;
-    const std::int64_t late = monotonic_ns() - intended;
-    if (late > period_ns_) {
-      const std::int64_t passed = late / period_ns_;
-      statistics_.overruns += static_cast<std::uint64_t>(passed);
-      intended += passed * period_ns_;
-    }
-    sleep_until(intended);
+    const PlannedAction planned = schedule_.next(monotonic_ns());
+    if (planned.due_ns > planned.asked_ns) sleep_until(planned.due_ns);
+    perform(planned);
   }
 }
 
-InstrumentSample SimulationLoop::latest() {
+void SimulationLoop::perform(const PlannedAction& planned) {
+  now_ = planned;
+  if (planned.action == StepAction::begin) begin_counting(planned);
+  if (planned.action == StepAction::refresh) begun_ns_ = monotonic_ns();
+  schedule_.perform(planned, *this);
+  if (planned.action == StepAction::publish) end_counting();
+}
+
+void SimulationLoop::begin_counting(const PlannedAction& planned) {
+  statistics_.overruns += static_cast<std::uint64_t>(planned.skipped);
+  statistics_.last_ns = planned.step_ns;
+  if (const std::int64_t held = hold_ns_.exchange(0, std::memory_order_relaxed); held > 0)
+    sleep_until(monotonic_ns() + held);
+  begun_ns_ = monotonic_ns();
+  times_.start();
+}
+
+void SimulationLoop::end_counting() {
+  const std::int64_t spent = monotonic_ns() - begun_ns_;
+  statistics_.step.record(spent);
+  count(schedule_.report());
+  publish_snapshot(spent, schedule_.report());
+}
+
+InstrumentSample SimulationLoop::latch() {
   instrument_.acquire();
-  const InstrumentInput& i = instrument_.front();
-  return {i.X, i.present, (i.buttons & pedal_phaco) != 0, (i.buttons & pedal_aspiration) != 0,
-          1e-9 * static_cast<double>(i.received_ns)};
+  const InstrumentSample sample = sample_of(instrument_.front());
+  record({.action = now_.action, .asked_ns = now_.asked_ns, .step_ns = now_.step_ns, .sample = sample});
+  return sample;
 }
 
-void SimulationLoop::adopt_references() {
-  while (std::optional<ReferenceJob> job = references_.take()) {
-    if (job->failed) statistics_.references_failed.fetch_add(1, std::memory_order_relaxed);
-    world_.adopt(std::move(*job));
-  }
+std::optional<ReferenceJob> SimulationLoop::finished_base() {
+  std::optional<ReferenceJob> job = references_.take();
+  if (!job) return job;
+  if (job->failed) statistics_.references_failed.fetch_add(1, std::memory_order_relaxed);
+  record({.adopted = true, .failed = job->failed, .body = job->body});
+  return job;
+}
+
+void SimulationLoop::publish(StepAction as) {
+  CondensedProblem& problem = problems_.back();
+  if (as == StepAction::publish && poisoned_.exchange(false, std::memory_order_relaxed))
+    for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
+  const std::int64_t now = monotonic_ns();
+  problem.published_ns = now;
+  const std::uint64_t number = problem.step;
+  problems_.publish();
+  record({.action = as,
+          .asked_ns = now_.asked_ns,
+          .step_ns = now_.step_ns,
+          .problem = number,
+          .published_ns = now});
+  if (as == StepAction::publish_interim) statistics_.interim.record(monotonic_ns() - begun_ns_);
+  if (as == StepAction::publish_refresh) statistics_.refresh.record(monotonic_ns() - begun_ns_);
 }
 
 void SimulationLoop::count(const StepReport& report) {
@@ -117,45 +148,6 @@ void SimulationLoop::count(const StepReport& report) {
   if (degraded) s.rough_steps.fetch_add(1, std::memory_order_relaxed);
   raise(s.force_peak, report.contact.wrench.head<3>().norm());
   raise(report.removed > 0 ? s.jump_at_removal : s.jump_at_reference, report.handover_jump);
-}
-
-void SimulationLoop::step() {
-  if (const std::int64_t held = hold_ns_.exchange(0, std::memory_order_relaxed); held > 0)
-    sleep_until(monotonic_ns() + held);
-  const std::int64_t begin = monotonic_ns();
-  times_.start();
-  adopt_references();
-  const auto publish_interim = [this, begin]() -> CondensedProblem& {
-    problems_.back().published_ns = monotonic_ns();
-    problems_.publish();
-    statistics_.interim.record(monotonic_ns() - begin);
-    return problems_.back();
-  };
-  const StepReport report = world_.step([this] { return latest(); }, problems_.back(), publish_interim);
-  CondensedProblem& problem = problems_.back();
-  if (poisoned_.exchange(false, std::memory_order_relaxed))
-    for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
-  problem.published_ns = monotonic_ns();
-  problems_.publish();
-  for (ReferenceJob& job : world_.wanted_references()) references_.give(std::move(job));
-  const std::int64_t spent = monotonic_ns() - begin;
-  statistics_.step.record(spent);
-  count(report);
-  publish_snapshot(spent, report);
-}
-
-void SimulationLoop::refresh(std::int64_t intended) {
-  if (!world_.wants_refresh()) return;
-  for (const double at : refreshed_at) {
-    const auto due = intended + static_cast<std::int64_t>(at * static_cast<double>(period_ns_));
-    if (stopping_ || monotonic_ns() > due) continue;
-    sleep_until(due);
-    const std::int64_t begin = monotonic_ns();
-    if (!world_.refresh(latest(), problems_.back())) continue;
-    problems_.back().published_ns = monotonic_ns();
-    problems_.publish();
-    statistics_.refresh.record(monotonic_ns() - begin);
-  }
 }
 
 void SimulationLoop::publish_snapshot(std::int64_t step_ns, const StepReport& report) {

@@ -1,13 +1,9 @@
 // The simulation thread: a world stepped at the scene's rate, its problems published to the haptic loop.
 //
-//   every 1/rate:  adopt the reference factors that are ready → world.step (latching the newest instrument;
-//   where
-//                  something goes, an interim problem is published within it) → publish problem → ask for
-//                  the reference factors that are wanted → snapshot for display; where something went, the
-//                  problem is made again with the poses of 0.6 and 0.8 of the period (World::refresh)
+//   wait until the schedule says (step_schedule.h) → perform its action; after a step: snapshot for display
 //
-// Time: an absolute grid on CLOCK_MONOTONIC; a step that ends late leaves the passed grid points out
-// (`overruns` counts them) and simulation time falls behind real time by as much.
+// Time: an absolute grid on CLOCK_MONOTONIC. Of grid points that the schedule leaves out (`overruns` counts
+// them) simulation time falls behind real time by as much.
 // Thread safety: start and stop belong to one thread; statistics may be read by any. The loop's thread
 // alone writes `problems` and `snapshots` and reads `instrument`.
 // Errors: an exception in a step (a singular body) ends the loop and is kept in `failure()`; the haptic
@@ -23,9 +19,10 @@
 #include "haptic/channel.h"
 #include "haptic/device.h"
 #include "haptic/histogram.h"
-#include "physics/simulation/world.h"
+#include "haptic/spsc_queue.h"
 #include "server/app/reference_maker.h"
 #include "server/observe/diagnostics.h"
+#include "server/schedule/step_record.h"
 
 namespace hapticd {
 
@@ -58,14 +55,21 @@ struct SimulationStatistics {
   }
 };
 
-class SimulationLoop {
+class SimulationLoop final : private StepHost {
  public:
   // Everything referred to must outlive the loop.
   SimulationLoop(World& world, PartTimes& times, double rate, Channel<InstrumentInput>& instrument,
                  Channel<CondensedProblem>& problems, Channel<SceneSnapshot>& snapshots);
-  ~SimulationLoop();
+  ~SimulationLoop() override;
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
+
+  // Before `start`: the step that is on no clock (StepSchedule::warm_up).
+  void warm_up() { schedule_.warm_up(problems_.back()); }
+
+  // Records what each action met; what does not fit is dropped and counted by the queue. Before start; the
+  // queue must outlive the loop.
+  void record_into(SpscQueue<StepRecord>& records) noexcept { records_ = &records; }
 
   // on_thread runs on the new thread before its first step: the place for affinity. The thread that makes
   // reference factors takes whatever time any core has left.
@@ -84,22 +88,34 @@ class SimulationLoop {
 
  private:
   void run();
-  void step();
-  void refresh(std::int64_t intended);
-  void adopt_references();
+  void perform(const PlannedAction& planned);
+  void begin_counting(const PlannedAction& planned);
+  void end_counting();
   void count(const StepReport& report);
-  InstrumentSample latest();
+  void record(const StepRecord& record) noexcept {
+    if (records_) records_->push(record);
+  }
+
+  InstrumentSample latch() override;
+  CondensedProblem& problem() override { return problems_.back(); }
+  void publish(StepAction as) override;
+  std::optional<ReferenceJob> finished_base() override;
+  void make_reference(ReferenceJob job) override { references_.give(std::move(job)); }
+
   void publish_snapshot(std::int64_t step_ns, const StepReport& report);
 
   World& world_;
   PartTimes& times_;
-  const std::int64_t period_ns_;
+  StepSchedule schedule_;
   Channel<InstrumentInput>& instrument_;
   Channel<CondensedProblem>& problems_;
   Channel<SceneSnapshot>& snapshots_;
   SimulationStatistics statistics_;
   std::array<std::int64_t, step_parts> part_ns_{};  // summed
   ReferenceMaker references_;
+  PlannedAction now_;          // that is being performed
+  std::int64_t begun_ns_ = 0;  // of the step or the refresh under way
+  SpscQueue<StepRecord>* records_ = nullptr;
   std::atomic<std::int64_t> hold_ns_{0};
   std::atomic<bool> poisoned_{false};
   std::atomic<bool> stopping_{false};

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "server/scene/scene_world.h"
+#include "server/schedule/virtual_daemon.h"
 
 namespace hapticd {
 namespace {
@@ -47,33 +48,37 @@ void spread_to_touching(const Scene& scene, std::vector<std::uint8_t>& pressed) 
       pressed[p.points] = pressed[p.faces] = pressed[p.points] | pressed[p.faces];
 }
 
+// With nothing between the contact's force and its answer.
+DeviceSettings device_of(const Scene& scene) {
+  DeviceSettings device = scene.device;
+  constexpr double none = 1e9;
+  device.max_force = device.max_torque = device.max_force_rate = device.max_speed = none;
+  return device;
+}
+
+HapticOptions options_of(const Scene& scene) {
+  HapticOptions options = haptic_options(scene);
+  options.blend_time = 0;
+  constexpr std::int64_t never = std::int64_t{1} << 60;
+  options.watchdog.problem_old_ns = options.watchdog.problem_lost_ns = never;
+  options.watchdog.ramp_up_ns = 1;
+  return options;
+}
+
 class Pilot {
  public:
   Pilot(const Scene& scene, const PilotStroke& stroke)
-      : scene_(scene), stroke_(stroke), options_(haptic_options(scene).contact), h_(1 / scene.rate) {
+      : stroke_(stroke),
+        h_(1 / scene.rate),
+        begin_(-settled - h_ * static_cast<double>(stroke.approach.size())),
+        daemon_(make_world(scene), scene.rate, device_of(scene), options_of(scene), settings()) {
     run_.pressed.assign(scene.bodies.size(), 0);
-    world_ = make_world(scene);
-    world_->step([] { return InstrumentSample{}; }, *in_use_);
   }
 
-  TrialRun run() {
-    for (const Pose& X : stroke_.approach)
-      world_->step([&] { return InstrumentSample{X, true, false, false}; }, *next_);
+  TrialRun run(const Scene& scene) {
     const auto ticks = static_cast<std::ptrdiff_t>(stroke_.pose.size());
-    const auto before = static_cast<std::ptrdiff_t>(std::lround(settled / tick));
-    std::int64_t steps = 0;
-    for (std::ptrdiff_t i = -before; i < ticks; ++i) {
-      const double t = tick * static_cast<double>(i);
-      while (-settled + static_cast<double>(steps) * h_ <= t + instant)
-        step(-settled + static_cast<double>(steps++) * h_);
-      const bool swaps = published_ <= t + instant;
-      if (swaps) {
-        std::swap(in_use_, next_);
-        published_ = std::numeric_limits<double>::infinity();
-      }
-      solve(t, i >= 0);
-      if (i >= 0) run_.swapped.push_back(swaps);
-    }
+    for (auto i = static_cast<std::ptrdiff_t>(std::floor(begin_ / tick)); i < ticks; ++i)
+      feel(tick * static_cast<double>(i), i >= 0);
     run_.step_ms = quantile(step_ms_, 0.5);
     run_.worst_step_ms = quantile(step_ms_, 0.9);
     run_.tick_ms = quantile(tick_ms_, 0.5);
@@ -81,56 +86,89 @@ class Pilot {
     for (const double ms : step_ms_) sum += ms;
     run_.cost_ms = sum / static_cast<double>(std::max<std::size_t>(1, step_ms_.size())) +
                    all_ticks_ms_ / static_cast<double>(ticks) * h_ / tick;
-    spread_to_touching(scene_, run_.pressed);
+    spread_to_touching(scene, run_.pressed);
     return run_;
   }
 
  private:
-  void step(double t) {
-    for (ReferenceJob& job : references_) world_->adopt(std::move(job));
-    references_.clear();
-    const double usual = quantile(step_ms_.empty() ? warm_up_ms_ : step_ms_, 0.5);
-    const double late = std::clamp(std::ceil(usual), 1.0, h_ / tick) * tick;
-    bool latched = false;
-    const double begun = cpu_ms();
-    world_->step(
-        [&] { return sample_of(stroke_, std::exchange(latched, true) ? t + latch_share * late : t); },
-        *next_);
-    const double ms = cpu_ms() - begun;
-    (t >= -instant ? step_ms_ : warm_up_ms_).push_back(ms);
-    references_ = world_->wanted_references();
-    const double reference_begun = cpu_ms();
-    for (ReferenceJob& job : references_) job.reference->make();
-    if (t >= -instant) reference_ms_ += cpu_ms() - reference_begun;
-    published_ = t + late;
+  static constexpr std::int64_t first_ns = 1'000'000'000;
+
+  VirtualDaemonSettings settings() {
+    VirtualDaemonSettings s;
+    s.first_ns = first_ns;
+    s.before = [this](StepAction action, std::int64_t ns) {
+      if (action == StepAction::begin) begin_step(ns);
+      making_ms_ = 0;
+      action_begun_ = cpu_ms();
+    };
+    s.after = [this](StepAction action, std::int64_t) {
+      spent_ms_ += cpu_ms() - action_begun_ - making_ms_;
+      swapped_ = swapped_ || action == StepAction::publish;
+      if (action == StepAction::publish) (counts_ ? step_ms_ : warm_up_ms_).push_back(spent_ms_);
+    };
+    s.make = [this](ReferenceFactor& reference) {
+      const double begun = cpu_ms();
+      reference.make();
+      making_ms_ += cpu_ms() - begun;
+      if (counts_) reference_ms_ += cpu_ms() - begun;
+    };
+    return s;
   }
 
-  void solve(double t, bool counts) {
+  void begin_step(std::int64_t ns) {
+    counts_ = begin_ + 1e-9 * static_cast<double>(ns - first_ns) >= -instant;
+    spent_ms_ = 0;
+    const double usual = quantile(step_ms_.empty() ? warm_up_ms_ : step_ms_, 0.5);
+    const double late = std::clamp(std::ceil(usual), 1.0, h_ / tick) * tick;
+    VirtualTiming timing;
+    timing.latch = std::llround(1e9 * latch_share * late);
+    timing.publish = std::llround(1e9 * late);
+    timing.reference = 0;  // the next step has it
+    daemon_.set_timing(timing);
+  }
+
+  void feel(double t, bool counts) {
+    HapticInput input;
+    input.now_ns = first_ns + std::llround(1e9 * (t - begin_));
+    if (input.now_ns < first_ns) return;
+    daemon_.advance(input.now_ns);
+    if (t < -settled - instant) {  // on the way there nobody feels anything
+      const auto k = static_cast<std::size_t>((t - begin_ + instant) / h_);
+      daemon_.tell({.present = true,
+                    .X = stroke_.approach[std::min(k, stroke_.approach.size() - 1)],
+                    .received_ns = input.now_ns});
+      return;
+    }
+    input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
+    input.taken = true;
+    input.sample.sequence = ++count_;
+    input.sample.client_time_ns = input.sample.received_ns = input.now_ns;
+    input.sample.pose = to_device(daemon_.haptic().device(), sample_of(stroke_, t).pose);
+    input.sample.enable = true;
+    const bool swapped = std::exchange(swapped_, false);
     const double begun = cpu_ms();
-    const ContactSolution solution = solve_contact(*in_use_, scene_.instrument, sample_of(stroke_, t).pose,
-                                                   tick, options_, state_, *scratch_);
+    const ForceSample answer = daemon_.tick(input);
     if (!counts) return;
     const double ms = cpu_ms() - begun;
     all_ticks_ms_ += ms;
-    if (solution.active > 0) tick_ms_.push_back(ms);
-    run_.force.push_back(solution.wrench.head<3>());
-    const ContactRows& rows = scratch_->rows;
+    if (answer.active > 0) tick_ms_.push_back(ms);
+    const DeviceSettings& device = daemon_.haptic().device();
+    run_.force.push_back(device.frame * answer.force / device.force_scale);
+    run_.swapped.push_back(swapped);
+    const HapticState& state = daemon_.haptic().state();
+    if (!state.solved) return;
+    const ContactRows& rows = state.scratch.rows;
     for (int i = 0; i < rows.contacts; ++i)
-      if (scratch_->lambda[static_cast<std::size_t>(rows.rows_per_contact) * i] > 0)
+      if (state.scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact) * i] > 0)
         run_.pressed[rows.row[i].id >> 56] = 1;
   }
 
-  const Scene& scene_;
   const PilotStroke& stroke_;
-  const ContactOptions options_;
-  const double h_;
-  std::unique_ptr<World> world_;
-  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
-  std::unique_ptr<CondensedProblem> next_ = std::make_unique<CondensedProblem>();
-  std::unique_ptr<ContactScratch> scratch_ = std::make_unique<ContactScratch>();
-  ContactState state_;
-  std::vector<ReferenceJob> references_;
-  double published_ = std::numeric_limits<double>::infinity();
+  const double h_, begin_;  // … of the approach [s]
+  VirtualDaemon daemon_;
+  std::uint64_t count_ = 0;
+  bool counts_ = false, swapped_ = false;
+  double action_begun_ = 0, spent_ms_ = 0, making_ms_ = 0;
   std::vector<double> warm_up_ms_, step_ms_, tick_ms_;
   double all_ticks_ms_ = 0, reference_ms_ = 0;
   TrialRun run_;
@@ -140,7 +178,7 @@ class Pilot {
 
 TrialRun run_pilot(const Scene& scene, const PilotStroke& stroke) {
   try {
-    return Pilot(scene, stroke).run();
+    return Pilot(scene, stroke).run(scene);
   } catch (const std::runtime_error&) {  // a singular body
     return {};
   }

@@ -1,9 +1,8 @@
 // A scene run for a fraction of a second before it starts, in virtual time: what a choice costs here, and
 // what force it answers.
 //
-//   pilot      step k begins at k h, latches and publishes as late as its own cost makes it; contact is
-//   solved
-//              again each millisecond, as the haptic loop does
+//   pilot      the daemon in virtual time (virtual_daemon.h), a tick each millisecond; a step latches and
+//              publishes as late as its own cost makes it
 //   reference  one loop of step h', every force felt at the step's own time
 //   error      √(mean ‖f − f_ref‖²) / max ‖f_ref‖
 //   jump       √(mean ‖Δf − Δf_ref‖²) / max ‖f_ref‖ over the milliseconds in which another problem came into
@@ -28,7 +27,7 @@ struct TrialRun {
   std::vector<std::uint8_t> swapped;  // … the first with another problem
   double step_ms = 0;                 // median of a simulation step
   double worst_step_ms = 0;           // 9 of 10 take less
-  double tick_ms = 0;                 // median of a contact solve at 1 kHz, in contact
+  double tick_ms = 0;                 // median of a haptic tick, in contact
   double cost_ms = 0;  // per simulation step: it, its ticks and the reference factors made meanwhile
   std::vector<std::uint8_t> pressed;  // per body, by the instrument or by a pressed body
 };

@@ -1,13 +1,9 @@
-// A recording played to a scene without daemon, DDS or clock: both loops of the daemon in one thread and
-// virtual time, with everything a device feels: arming, ramp, watchdog, limits, blend, pedals.
+// A recording played to a scene without DDS or clock: the daemon in virtual time
+// (server/schedule/virtual_daemon.h), with everything a device feels: arming, ramp, watchdog, limits, blend,
+// pedals.
 //
-//   haptic       tick i at i ms: state in (0.5 ms old), haptic_step, force out; the recording's slot 0 is
-//   tick 250,
-//                before it the first pose is held, 50 ms without `enable`, as a client does (client.h)
-//   simulation   step k begins at k h and takes the instrument as the tick before left it, latches it again
-//                at k h + 1 ms (6 ms with frozen rows), its problem is in use from k h + 10 ms on, and where
-//                something goes, an interim one from k h + 2 ms on: the daemon's medians (offline_run.h)
-//   bases        made at once, adopted before the first step that begins 40 ms later
+//   tick i at i ms: state in (0.5 ms old), haptic tick, force out; the recording's slot 0 is tick 250, before
+//   it the first pose is held, 50 ms without `enable`, as a client does (client.h)
 //
 // Solves are bounded by counts, never by time, and a scene with `model: auto` keeps what it pins and the
 // whole model else, as a plan is made by measured times: two runs of one program on one machine agree bit for

@@ -8,6 +8,7 @@
 #include "tools/cli/command.h"
 #include "tools/client/recording.h"
 #include "tools/client/replay_offline.h"
+#include "tools/client/replay_schedule.h"
 #include "tools/client/session.h"
 
 namespace hapticd {
@@ -24,8 +25,8 @@ struct ReplayOptions {
   std::string topic;       // of a rosbag2 recording
   std::string from_scene;  // whose coordinates the file is in; empty: the device's
   bool offline = false;
-  std::string scene, record, vtk;  // offline
-  bool allow_refused = false;      // offline
+  std::string scene, record, vtk, schedule;  // offline
+  bool allow_refused = false;                // offline
   double speed = 1;
   bool no_enable = false;
 };
@@ -80,7 +81,22 @@ int replay_without_daemon(const ReplayOptions& options, ReplaySource& source, nl
   return done ? 0 : 1;
 }
 
+int reproduce(ReplayOptions& options) {
+  if (!options.file.empty()) throw UsageError("a motion and --schedule: a schedule has its own");
+  prepare(options.session, options.schedule);
+  nlohmann::ordered_json json;
+  json["command"] = "replay";
+  json["file"] = options.schedule;
+  Table table;
+  const bool same = run_schedule_replay(options.schedule, options.scene, options.session.forces, json, table);
+  if (!options.session.json.empty()) write_json(options.session.json, json);
+  print(table);
+  return same ? 0 : 1;
+}
+
 int replay(ReplayOptions& options, bool device_id_given) {
+  if (!options.schedule.empty()) return reproduce(options);
+  if (options.file.empty()) throw UsageError("FILE is required, or --offline --schedule FILE");
   const Trajectory trajectory = read(options, device_id_given);
   const double duration = (trajectory.end() - trajectory.begin()) / options.speed;
   if (duration > max_duration)
@@ -116,7 +132,6 @@ Command add_replay(CLI::App& application) {
       "Plays a recording as a device at 1 kHz, by the file's own time stamps, and times the answers.");
   app->add_option("FILE", options->file,
                   "CSV: t,px,py,pz,qx,qy,qz,qw[,buttons]; or a rosbag2 directory or .db3")
-      ->required()
       ->type_name("");
   app->add_option("--topic", options->topic, "of a rosbag2: which of its topics with poses");
   add_units_option(*app, options->units, "length unit of the file");
@@ -140,6 +155,11 @@ Command add_replay(CLI::App& application) {
           ->excludes(no_enable);
   app->add_option("--scene", options->scene, "offline: the scene to run, if not that of --from-scene")
       ->type_name("SCENE.yaml")
+      ->needs(offline);
+  app->add_option(
+         "--schedule", options->schedule,
+         "offline, in place of FILE: make the forces of a live run again (hapticd --schedule FILE); 1 "
+         "if one differs by more than 1e-9 N")
       ->needs(offline);
   app->add_flag("--allow-refused", options->allow_refused,
                 "offline: 0 even if states are faster than the device's max_speed and so refused")

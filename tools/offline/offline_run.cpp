@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <memory>
 #include <stdexcept>
 #include <utility>
 
-#include "haptic/haptic_step.h"
 #include "physics/tissue/tetrahedron.h"
 #include "server/scene/scene_world.h"
+#include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
 #include "tools/offline/offline_parts.h"
 
@@ -17,149 +16,28 @@ namespace hapticd {
 
 namespace {
 
-constexpr double refresh_takes = 2e-3;  // from its pose until it is in use [s]
 constexpr std::int64_t first_ns = 1'000'000'000;
 
-// The simulation thread in virtual time.
-class Simulation {
- public:
-  Simulation(const Scene& scene, const OfflineInput& input, const OfflineOptions& options,
-             OfflineResult& result)
-      : input_(input), options_(options), result_(result), removals_(input.removals), h_(1 / scene.rate) {
-    if (h_ < offline::tick - offline::instant)
-      throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
-    WorldSettings settings = world_settings(scene);
-    settings.compliance_options.warping = options.warping;
-    settings.newest_pose = options.newest_pose;
-    settings.fresh_free_motion = options.fresh_free_motion;
-    if (options.lead) settings.lead = *options.lead * h_;
-    const bool ahead = settings.lead > 0 && settings.contact == Renewal::renewed && options.fresh_free_motion;
-    latch_ = std::min(options.latch_after.value_or(ahead ? 1e-3 : 6e-3), h_ - offline::tick);
-    removal_latch_ = std::min(4e-3, h_ - offline::tick);
-    if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;
-    world_ = make_world(scene, settings);
-    // As the daemon does before its clock starts.
-    world_->step([] { return InstrumentSample{}; }, *in_use_);
-    interims_ = options.interim_after && options.rendering == Rendering::solved;
-    begin_ = input.from - input.settle;
-  }
+std::int64_t nanoseconds(double t) { return std::llround(1e9 * t); }
 
-  // Steps until the newest problem in use at `t` is there. True if it is another than before.
-  bool advance(double t) {
-    bool swapped = false;
-    const double publish = std::min(options_.publish_after, h_);
-    const double interim = interims_ ? std::min(*options_.interim_after, publish) : publish;
-    for (;;) {
-      if (!refreshes_.empty() && refreshes_.front() <= t + offline::instant) {
-        const double from = refreshes_.front();
-        refreshes_.pop_front();
-        swapped = refresh(from) || swapped;
-        continue;
-      }
-      if (!stepped_ && begin_ + interim <= t + offline::instant) {
-        swapped = step(begin_) || swapped;
-        stepped_ = true;
-      }
-      if (!stepped_ || begin_ + publish > t + offline::instant) return swapped;
-      std::swap(in_use_, next_);
-      in_use_->published_ns = in_ns(begin_ + publish);
-      swapped = true;
-      stepped_ = false;
-      for (const double at : options_.refresh_at)
-        if (interims_ && at * h_ >= publish - offline::instant &&
-            at * h_ + refresh_takes <= h_ + offline::instant)
-          refreshes_.push_back(begin_ + at * h_ + refresh_takes);
-      begin_ = input_.from - input_.settle + static_cast<double>(++count_) * h_;
-    }
-  }
+WorldSettings settings_of(const Scene& scene, const OfflineOptions& options) {
+  WorldSettings settings = world_settings(scene);
+  settings.compliance_options.warping = options.warping;
+  settings.newest_pose = options.newest_pose;
+  settings.fresh_free_motion = options.fresh_free_motion;
+  if (options.lead) settings.lead = *options.lead / scene.rate;
+  if (options.tolerance > 0) settings.coulomb.tolerance = options.tolerance;
+  return settings;
+}
 
-  const World& world() const { return *world_; }
-  const CondensedProblem& problem() const { return *in_use_; }
-  const StepReport& report() const { return report_; }
-  double period() const { return h_; }
-
- private:
-  struct Base {
-    double ready;
-    ReferenceJob job;
-  };
-
-  // True if an interim problem is in use now; `next_` is for later.
-  bool step(double t) {
-    const bool counts = t >= input_.from - offline::instant;
-    adopt_references(t);
-    const double latch =
-        removals_.apply_until(t + removal_lead, *world_) ? std::max(latch_, removal_latch_) : latch_;
-    bool latched = false;
-    const double begun = offline::cpu_seconds();
-    const std::function<CondensedProblem&()> interim = [&]() -> CondensedProblem& {
-      if (counts) result_.interim.work.push_back(offline::cpu_seconds() - begun);
-      std::swap(in_use_, next_);
-      in_use_->published_ns = in_ns(t + std::min(*options_.interim_after, options_.publish_after));
-      return *next_;
-    };
-    {
-      const offline::Cost cost(result_.simulation, counts);
-      report_ = world_->step(
-          [&] { return offline::instrument_at(input_, std::exchange(latched, true) ? t + latch : t); },
-          *next_, interims_ ? interim : nullptr);
-    }
-    for (ReferenceJob& job : world_->wanted_references()) {
-      const offline::Cost cost(result_.bases, counts);
-      try {
-        job.reference->make();
-      } catch (const std::runtime_error&) {
-        job.failed = true;
-      }
-      bases_.push_back({t + options_.reference_after, std::move(job)});
-    }
-    result_.removed += report_.removed;
-    result_.inverted = std::max(result_.inverted, inverted_tets(world_->bodies()));
-    result_.dropped_samples = std::max(result_.dropped_samples, next_->dropped_samples);
-    result_.capped += report_.contact.status != SolveStatus::solved;
-    result_.memory_bytes =
-        std::max(result_.memory_bytes,
-                 offline::compliance_bytes(report_) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
-    return report_.interim;
-  }
-
-  // The problem in use made again, to be in use from `t` on. True if it is.
-  bool refresh(double t) {
-    const offline::Cost cost(result_.simulation, t >= input_.from - offline::instant);
-    if (!world_->refresh(offline::instrument_at(input_, t - refresh_takes), *next_)) return false;
-    std::swap(in_use_, next_);
-    in_use_->published_ns = in_ns(t);
-    return true;
-  }
-
-  // Of the haptic loop's clock.
-  std::int64_t in_ns(double t) const {
-    return first_ns + std::llround(1e9 * (t - input_.from + input_.settle));
-  }
-
-  void adopt_references(double t) {
-    for (; !bases_.empty() && bases_.front().ready <= t + offline::instant; bases_.pop_front())
-      world_->adopt(std::move(bases_.front().job));
-  }
-
-  const OfflineInput& input_;
-  const OfflineOptions& options_;
-  OfflineResult& result_;
-  offline::Removals removals_;
-  const double h_;
-  double latch_ = 0;
-  double removal_latch_ = 0;  // where the factor comes first
-  double begin_ = 0;          // of the step to come [s]
-  std::int64_t count_ = 0;
-  std::unique_ptr<World> world_;
-  std::unique_ptr<CondensedProblem> in_use_ = std::make_unique<CondensedProblem>();
-  std::unique_ptr<CondensedProblem> next_ = std::make_unique<CondensedProblem>();
-  bool interims_ = true;
-  bool stepped_ = false;  // `next_` is of the step that begins at `begin_`
-  StepReport report_;
-  std::deque<Base> bases_;
-  std::deque<double> refreshes_;  // when problems made again come into use [s]
-};
+VirtualTiming timing_of(const OfflineOptions& options, const World& world) {
+  VirtualTiming timing = usual_timing(world);
+  if (options.latch_after) timing.latch = nanoseconds(*options.latch_after);
+  timing.publish = nanoseconds(options.publish_after);
+  if (options.interim_after) timing.interim = nanoseconds(*options.interim_after);
+  timing.base = nanoseconds(options.reference_after);
+  return timing;
+}
 
 // The device as it is, or with nothing between the contact's force and its answer.
 DeviceSettings device_of(const Scene& scene, bool limits) {
@@ -194,51 +72,122 @@ OfflineTick tick_of(const Vec6& wrench) {
   return out;
 }
 
-// The haptic thread in virtual time.
-class Haptics {
+// The daemon along the motion, and what its threads spend.
+class Run {
  public:
-  Haptics(const Scene& scene, const OfflineOptions& options)
-      : instrument_(scene.instrument),
-        device_(device_of(scene, options.limits)),
-        options_(options_of(scene, options)) {}
+  Run(const Scene& scene, const OfflineInput& input, const OfflineOptions& options, OfflineResult& result)
+      : input_(input),
+        result_(result),
+        removals_(input.removals),
+        solved_(options.rendering == Rendering::solved),
+        local_(options.rendering, scene.instrument, haptic_options(scene).contact, 1 / scene.rate) {
+    if (1 / scene.rate < offline::tick - offline::instant)
+      throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
+    auto world = make_world(scene, settings_of(scene, options));
+    VirtualDaemonSettings settings;
+    settings.timing = timing_of(options, *world);
+    settings.schedule.interims = options.interim_after && solved_;
+    settings.schedule.refresh_at = settings.schedule.interims ? options.refresh_at : std::vector<double>{};
+    settings.first_ns = first_ns;
+    settings.before = [this](StepAction action, std::int64_t ns) { before(action, ns); };
+    settings.after = [this](StepAction action, std::int64_t) { after(action); };
+    settings.make = [this](ReferenceFactor& base) {
+      const double begun = offline::cpu_seconds();
+      const offline::Cost cost(result_.bases, counts_);
+      base.make();
+      making_ += offline::cpu_seconds() - begun;
+    };
+    daemon_.emplace(std::move(world), scene.rate, device_of(scene, options.limits),
+                    options_of(scene, options), settings);
+  }
 
-  OfflineTick step(const CondensedProblem& problem, const Pose& X) {
-    HapticInput input;
-    input.now_ns = now_ns_;
-    input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
-    input.taken = true;
-    input.sample.sequence = ++count_;
-    input.sample.client_time_ns = input.sample.received_ns = now_ns_;
-    input.sample.pose = to_device(X);
-    input.sample.enable = true;
-    now_ns_ += options_.watchdog.period_ns;
-    const ForceSample answer = haptic_step(&problem, instrument_, device_, options_, input, *state_);
+  OfflineTick tick(double t, bool counts) {
+    const std::int64_t now = first_ns + nanoseconds(t - input_.from + input_.settle);
+    const Pose X = offline::instrument_at(input_, t).pose;
+    daemon_->advance(now);
+    const bool swapped = std::exchange(swapped_, false);
+    if (swapped && !solved_) local_.publish(t, *daemon_->newest(), daemon_->schedule().report().contact);
     OfflineTick out;
-    out.wrench.head<3>() = device_.frame * answer.force / device_.force_scale;
-    out.wrench.tail<3>() = device_.frame * answer.torque * (device_.position_scale / device_.force_scale);
-    out.penetration = answer.penetration;
-    out.residual = answer.residual;
-    out.active = static_cast<int>(answer.active);
-    capped_ += (answer.status & status_solver_cap) != 0;
+    {
+      const offline::Cost cost(result_.haptic, counts);
+      out = solved_ ? solved(now, X) : tick_of(local_.wrench(t, X));
+    }
+    if (!solved_) daemon_->tell({.present = true, .X = X, .received_ns = now});
+    out.t = t;
+    out.swapped = swapped;
     return out;
   }
 
-  int capped() const { return capped_; }
-
  private:
-  // The inverse of `to_scene`.
-  Pose to_device(const Pose& X) const {
-    return {device_.frame.conjugate() * (X.p - device_.origin) / device_.position_scale,
-            (device_.frame.conjugate() * X.q * device_.tool.conjugate()).normalized()};
+  void before(StepAction action, std::int64_t ns) {
+    if (action == StepAction::begin) {
+      const double t = input_.from - input_.settle + 1e-9 * static_cast<double>(ns - first_ns);
+      counts_ = t >= input_.from - offline::instant;
+      removals_.apply_until(t + removal_lead, daemon_->world());
+      spent_ = 0;
+    }
+    if (action == StepAction::refresh) spent_ = 0;
+    making_ = 0;
+    begun_ = offline::cpu_seconds();
   }
 
-  const Instrument& instrument_;
-  const DeviceSettings device_;
-  const HapticOptions options_;
-  std::unique_ptr<HapticState> state_ = std::make_unique<HapticState>();
-  std::int64_t now_ns_ = first_ns;
+  void after(StepAction action) {
+    spent_ += offline::cpu_seconds() - begun_ - making_;
+    const auto costs = [&](ThreadCost& of) {
+      if (counts_) of.work.push_back(spent_);
+    };
+    swapped_ = swapped_ || action == StepAction::publish || action == StepAction::publish_interim ||
+               action == StepAction::publish_refresh;
+    if (action == StepAction::publish_interim) costs(result_.interim);
+    if (action == StepAction::publish) look_at_step();
+    if (action == StepAction::publish || action == StepAction::refresh) {
+      costs(result_.simulation);
+      if (counts_) result_.simulation.total += spent_;
+    }
+  }
+
+  void look_at_step() {
+    const StepReport& report = daemon_->schedule().report();
+    result_.removed += report.removed;
+    result_.inverted = std::max(result_.inverted, inverted_tets(daemon_->world().bodies()));
+    result_.dropped_samples = std::max(result_.dropped_samples, daemon_->newest()->dropped_samples);
+    result_.capped += report.contact.status != SolveStatus::solved;
+    result_.memory_bytes =
+        std::max(result_.memory_bytes,
+                 offline::compliance_bytes(report) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
+  }
+
+  OfflineTick solved(std::int64_t now, const Pose& X) {
+    const DeviceSettings& device = daemon_->haptic().device();
+    HapticInput input;
+    input.now_ns = now;
+    input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
+    input.taken = true;
+    input.sample.sequence = ++count_;
+    input.sample.client_time_ns = input.sample.received_ns = now;
+    input.sample.pose = to_device(device, X);
+    input.sample.enable = true;
+    const ForceSample answer = daemon_->tick(input);
+    OfflineTick out;
+    out.wrench.head<3>() = device.frame * answer.force / device.force_scale;
+    out.wrench.tail<3>() = device.frame * answer.torque * (device.position_scale / device.force_scale);
+    out.penetration = answer.penetration;
+    out.residual = answer.residual;
+    out.active = static_cast<int>(answer.active);
+    result_.capped += (answer.status & status_solver_cap) != 0;
+    return out;
+  }
+
+  const OfflineInput& input_;
+  OfflineResult& result_;
+  offline::Removals removals_;
+  const bool solved_;
+  LocalModel local_;
+  std::optional<VirtualDaemon> daemon_;
   std::uint64_t count_ = 0;
-  int capped_ = 0;
+  bool swapped_ = false;                       // since the tick before
+  bool counts_ = false;                        // the step under way is in the window
+  double begun_ = 0, spent_ = 0, making_ = 0;  // of the action, the step, the reference factors in it [s]
 };
 
 }  // namespace
@@ -268,28 +217,15 @@ int inverted_tets(const Bodies& bodies) {
 OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const OfflineOptions& options,
                           const OfflineProgress& progress) {
   OfflineResult result;
-  Simulation simulation(scene, input, options, result);
-  Haptics haptics(scene, options);
-  LocalModel local(options.rendering, scene.instrument, haptic_options(scene).contact, simulation.period());
+  Run run(scene, input, options, result);
   const auto settle = static_cast<int>(std::lround(input.settle / offline::tick));
   const auto ticks = settle + static_cast<int>(std::lround((input.to - input.from) / offline::tick));
   for (int i = 0; i < ticks; ++i) {
     const double t = input.from + offline::tick * (i - settle);
-    const bool swapped = simulation.advance(t);
-    const Pose X = offline::instrument_at(input, t).pose;
-    if (swapped) local.publish(t, simulation.problem(), simulation.report().contact);
-    OfflineTick out;
-    {
-      const offline::Cost cost(result.haptic, i >= settle);
-      out = options.rendering == Rendering::solved ? haptics.step(simulation.problem(), X)
-                                                   : tick_of(local.wrench(t, X));
-    }
-    out.t = t;
-    out.swapped = swapped;
+    const OfflineTick out = run.tick(t, i >= settle);
     if (i >= settle) result.ticks.push_back(out);
     if (progress && !progress(static_cast<double>(i + 1) / ticks)) break;
   }
-  result.capped += haptics.capped();
   return result;
 }
 

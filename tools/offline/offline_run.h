@@ -1,12 +1,5 @@
-// A scene run offline along a motion of its instrument, in virtual time: both loops of the daemon in one
-// thread.
-//
-//   simulation   step k begins at k h with the pose of then, latches the pose of k h + latch_after, and its
-//                problem is in use from k h + publish_after on; world.step is the daemon's
-//                where something goes, an interim problem (interim.h) from k h + interim_after on,
-//                and its own made again (World::refresh) with the poses of k h + refresh_at h
-//   haptic       one haptic_step each millisecond, on the newest problem in use at that time
-//   bases        made at once, adopted before the first step that begins reference_after later
+// A scene run offline along a motion of its instrument: the daemon in virtual time
+// (server/schedule/virtual_daemon.h), a tick each millisecond, with delays that are options.
 //
 // Nothing depends on the clock: two runs of the same inputs agree bit for bit, costs excepted, as long as
 // BLAS has one thread. Delays are inputs because the daemon's are not constant; they are the measured
@@ -75,8 +68,8 @@ struct OfflineOptions {
   std::optional<double> latch_after;
   double publish_after = 10e-3;                        // … at most a period [s]
   std::optional<double> interim_after = removal_lead;  // …; absent: no interim problems
-  // Poses of World::refresh, in periods after a step's begin; in use 2 ms later, where that is between the
-  // step's own problem and the next step.
+  // Poses of World::refresh, in periods after a step's begin, later than the step's own problem; in use 2 ms
+  // later.
   std::vector<double> refresh_at = {0.6, 0.8};
   double reference_after = 0.04;  // [s]
 };

@@ -6,14 +6,15 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <random>
 
-#include "haptic/haptic_step.h"
 #include "physics/tissue/tetrahedron.h"
 #include "server/files/paths.h"
 #include "server/mesh/mesh_reader.h"
 #include "server/scene/scene_reader.h"
 #include "server/scene/scene_world.h"
+#include "server/schedule/virtual_daemon.h"
 
 namespace hapticd {
 
@@ -83,12 +84,6 @@ class Strokes {
   bool clear_ = true;
 };
 
-// The scene's pose as the device's, so that haptic_step's map takes it back.
-Pose on_device(const DeviceSettings& d, const Pose& X) {
-  return {d.frame.conjugate() * ((X.p - d.origin) / d.position_scale),
-          (d.frame.conjugate() * X.q * d.tool.conjugate()).normalized()};
-}
-
 void look_at_volumes(const World& world, StrokeReport& report) {
   const Body& body = world.bodies()[0];
   int inverted = 0;
@@ -105,69 +100,83 @@ void look_at_volumes(const World& world, StrokeReport& report) {
   report.most_inverted = std::max(report.most_inverted, inverted);
 }
 
+// As for 20 ms, or as many parts of a shorter step.
+VirtualTiming timing_for(double h, const World& world) {
+  constexpr double usual_step = 20e-3;
+  VirtualTiming timing = usual_timing(world);
+  const double part = std::min(1.0, h / usual_step);
+  for (std::int64_t* t : {&timing.interim, &timing.latch, &timing.removal_latch, &timing.publish,
+                          &timing.refresh, &timing.base})
+    *t = std::llround(part * static_cast<double>(*t));
+  return timing;
+}
+
 class Trial {
  public:
-  Trial(const StrokeSettings& s, const Scene& scene, Strokes& strokes, StrokeReport& report)
-      : settings_(s), scene_(scene), strokes_(strokes), report_(report), world_(make_world(scene)) {
+  Trial(const StrokeSettings& s, const Scene& scene, Strokes& strokes, StrokeReport& report, double begin)
+      : scene_(scene), strokes_(strokes), report_(report), begin_(begin) {
+    tick_ = std::min(longest_tick, s.h / 2);
     // So wide that no motion of these is refused; its limits act on what is sent, not on what is reported.
     scene_.device.max_speed = 1e3;
     scene_.device.workspace_radius = 1;
-    options_ = haptic_options(scene);
+    auto world = make_world(scene);
+    VirtualDaemonSettings settings;
+    settings.timing = timing_for(s.h, *world);
+    settings.first_ns = first_ns;
+    settings.before = [this](StepAction, std::int64_t) { started_ = std::chrono::steady_clock::now(); };
+    settings.after = [this](StepAction action, std::int64_t) { after(action); };
+    daemon_.emplace(std::move(world), scene.rate, scene_.device, haptic_options(scene), settings);
   }
 
-  // From `begin` on, the next simulation step and its ticks; what was published before is felt until h/2.
-  void step(double begin) {
-    const double tick = std::min(longest_tick, settings_.h / 2);  // so that h/2 falls on one
-    const int ticks = static_cast<int>(std::lround(settings_.h / tick)), half = ticks / 2;
-    int asked = 0;
-    const auto started = std::chrono::steady_clock::now();
-    const StepReport r =
-        world_->step([&] { return strokes_.at(begin + (asked++ > 0 ? settings_.h / 4 : 0)); }, *next_);
-    for (ReferenceJob& job : world_->wanted_references()) {
-      job.reference->make();
-      world_->adopt(std::move(job));
-    }
-    spent_ += std::chrono::steady_clock::now() - started;
-    report_.removed += r.removed;
-    ++report_.steps;
-    look_at_volumes(*world_, report_);
-    for (int k = 0; k < ticks; ++k) {
-      if (k == half) {
-        std::swap(problem_, next_);
-        fresh_ = true;
-      }
-      feel(begin + k * tick, tick);
-    }
+  // The ticks of the k-th step's time.
+  void step(int k) {
+    const int ticks = static_cast<int>(std::lround(1 / (scene_.rate * tick_)));
+    for (int i = 0; i < ticks; ++i) feel(static_cast<double>(k * ticks + i) * tick_);
   }
   double spent_ms() const { return std::chrono::duration<double, std::milli>(spent_).count(); }
 
   bool keep_force = false;
+  std::vector<double> changes;
 
  private:
-  void feel(double t, double tick) {
-    const std::int64_t now = 1'000'000'000 + std::llround(1e9 * t);
+  static constexpr std::int64_t first_ns = 1'000'000'000;
+
+  void after(StepAction action) {
+    spent_ += std::chrono::steady_clock::now() - started_;
+    if (action == StepAction::finish) {
+      report_.removed += daemon_->schedule().report().removed;
+      ++report_.steps;
+      look_at_volumes(daemon_->world(), report_);
+    }
+    fresh_ = fresh_ || action == StepAction::publish || action == StepAction::publish_interim ||
+             action == StepAction::publish_refresh;
+  }
+
+  // since: the episode's begin [s].
+  void feel(double since) {
+    const double t = begin_ + since;
     const InstrumentSample at = strokes_.at(t);
     HapticInput input;
-    input.now_ns = now;
-    input.period_ns = std::llround(1e9 * tick);
+    input.now_ns = first_ns + std::llround(1e9 * since);
+    input.period_ns = std::llround(1e9 * tick_);
     input.presence.connected = true;
     input.presence.new_client = sequence_ == 0;
     input.taken = true;
     input.sample.sequence = ++sequence_;
-    input.sample.received_ns = now;
-    input.sample.pose = on_device(scene_.device, at.pose);
+    input.sample.received_ns = input.now_ns;
+    input.sample.pose = to_device(scene_.device, at.pose);
+    input.sample.buttons = (at.phaco ? pedal_phaco : 0u) | (at.aspiration ? pedal_aspiration : 0u);
     input.sample.enable = true;
-    if (fresh_) problem_->published_ns = now;
-    const ForceSample answer = haptic_step(problem_->step > 0 ? problem_.get() : nullptr,
-                                           world_->instrument(), scene_.device, options_, input, *haptic_);
+    const ForceSample answer = daemon_->tick(input);
+    const HapticState& haptic = daemon_->haptic().state();
     report_.solver_caps = std::max(report_.solver_caps, static_cast<int>(answer.solver_caps));
     if (answer.status & (status_not_finite | status_latched)) ++report_.refused;
-    const Vec3 force = haptic_->rendered.force / scene_.device.force_scale;
+    const Vec3 force = haptic.rendered.force / scene_.device.force_scale;
     if (!force.allFinite() || !answer.force.allFinite()) ++report_.not_finite;
-    const double since = t / longest_tick;
-    if (std::abs(since - std::round(since)) > 1e-6) return;
+    const double in_ms = t / longest_tick;
+    if (std::abs(in_ms - std::round(in_ms)) > 1e-6) return;
     const double change = (force - last_).norm();
-    if (problem_->step > 0 && seen_) {
+    if (answer.step > 0 && seen_) {
       report_.peak = std::max(report_.peak, force.norm());
       report_.largest_change = std::max(report_.largest_change, change);
       if (!fresh_) report_.largest_change_in_step = std::max(report_.largest_change_in_step, change);
@@ -175,24 +184,18 @@ class Trial {
       if (strokes_.clear()) report_.left_after = std::max(report_.left_after, force.norm());
     }
     if (keep_force) report_.force.push_back(force.norm());
-    seen_ = seen_ || haptic_->solved;
+    seen_ = seen_ || haptic.solved;
     last_ = force;
     fresh_ = false;
   }
 
- public:
-  std::vector<double> changes;
-
- private:
-  StrokeSettings settings_;
   Scene scene_;
   Strokes& strokes_;
   StrokeReport& report_;
-  HapticOptions options_;
-  std::unique_ptr<World> world_;
-  std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
-  std::unique_ptr<CondensedProblem> next_ = std::make_unique<CondensedProblem>();
-  std::unique_ptr<HapticState> haptic_ = std::make_unique<HapticState>();
+  const double begin_;
+  double tick_ = longest_tick;
+  std::optional<VirtualDaemon> daemon_;
+  std::chrono::steady_clock::time_point started_{};
   std::chrono::steady_clock::duration spent_{};
   std::uint64_t sequence_ = 0;
   Vec3 last_ = Vec3::Zero();
@@ -212,11 +215,11 @@ StrokeReport run_strokes(const StrokeSettings& settings, bool keep_force,
   const int per_stroke = strokes.steps_per_stroke();
   const int episode = std::max(1, settings.episode / per_stroke) * per_stroke;
   for (int done = 0; done < settings.steps; done += episode) {
-    Trial trial(settings, scene, strokes, report);
+    Trial trial(settings, scene, strokes, report, done * settings.h);
     trial.keep_force = keep_force;
     const int steps = std::min(episode, settings.steps - done);
     for (int k = 0; k < steps; ++k) {
-      trial.step((done + k) * settings.h);
+      trial.step(k);
       if (k % 25 == 0 && !progress(static_cast<double>(done + k) / settings.steps)) return report;
     }
     changes.insert(changes.end(), trial.changes.begin(), trial.changes.end());

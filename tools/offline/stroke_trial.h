@@ -3,10 +3,12 @@
 //   the tip comes down 0.2 mm above the pole at `speed`, goes `depth` below the surface at rest, and up
 //   again; each stroke elsewhere within `spread` of the pole; the pedal is down in every second stroke
 //
-// A simulation step begins at t, latches the newest pose at t + h/4, and what it publishes is felt from t +
-// h/2 on; haptic_step runs every millisecond on the scene's device, whose forces are reported before its
-// limits, in the scene's newtons; a step below 2 ms has two ticks. A fresh lens every `episode` steps, cut to
-// whole strokes: none is put around a tip. Deterministic: a function of the settings. Units: m, s, N.
+// The daemon in virtual time (server/schedule/virtual_daemon.h), with interim problems and refreshes. A
+// problem is felt half a step after its step's begin, 10 ms at most, and the delays before that are at most
+// as many parts of a step as they usually are of 20 ms. A tick comes every millisecond, two a step below 2
+// ms. Forces are those reported before the device's limits, in the scene's newtons. A fresh lens every
+// `episode` steps, cut to whole strokes: none is put around a tip. Deterministic: a function of the settings.
+// Units: m, s, N.
 #pragma once
 
 #include <functional>

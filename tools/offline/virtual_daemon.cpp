@@ -1,8 +1,6 @@
 #include "tools/offline/virtual_daemon.h"
 
-#include <algorithm>
-#include <stdexcept>
-#include <utility>
+#include <cmath>
 
 #include "server/scene/scene_world.h"
 
@@ -11,13 +9,11 @@ namespace hapticd {
 namespace {
 
 constexpr double tick_s = 1e-3;
-constexpr double refresh_takes = 2e-3;  // from its pose until it is in use [s]
-constexpr double instant = 1e-9;        // times closer than this are the same [s]
 constexpr std::int64_t first_ns = 1'000'000'000;
 
-std::int64_t in_ns(double t) { return first_ns + static_cast<std::int64_t>(1e9 * t + 0.5); }
+std::int64_t nanoseconds(double t) { return std::llround(1e9 * t); }
 
-std::unique_ptr<World> world_of(const Scene& scene, const VirtualDaemonOptions& options) {
+std::unique_ptr<World> world_of(const Scene& scene, const DaemonRendererOptions& options) {
   WorldSettings settings = world_settings(scene);
   if (options.sweeps_only > 0) {
     settings.coulomb.max_newton = 0;
@@ -26,107 +22,57 @@ std::unique_ptr<World> world_of(const Scene& scene, const VirtualDaemonOptions& 
   return make_world(scene, settings);
 }
 
-}  // namespace
-
-VirtualDaemon::VirtualDaemon(const Scene& scene, const VirtualDaemonOptions& options)
-    : device_(scene.device),
-      instrument_(scene.instrument),
-      haptic_(haptic_options(scene)),
-      options_(options),
-      h_(1 / scene.rate),
-      world_(world_of(scene, options)),
-      local_(options.rendering, instrument_, haptic_.contact, h_) {
-  haptic_.passivity_control = options.passivity_control;
-  haptic_.blend_time = options.blend_time.value_or(haptic_.blend_time);
+HapticOptions haptic_of(const Scene& scene, const DaemonRendererOptions& options) {
+  HapticOptions haptic = haptic_options(scene);
+  haptic.passivity_control = options.passivity_control;
+  haptic.blend_time = options.blend_time.value_or(haptic.blend_time);
   if (options.sweeps_only > 0) {
-    haptic_.contact.coulomb.max_newton = 0;
-    haptic_.contact.coulomb.max_sweeps = options.sweeps_only;
-    haptic_.usable_residual = 1e300;
+    haptic.contact.coulomb.max_newton = 0;
+    haptic.contact.coulomb.max_sweeps = options.sweeps_only;
+    haptic.usable_residual = 1e300;
   }
   if (!options.watchdogs) {
     constexpr std::int64_t never = std::int64_t{1} << 60;
-    WatchdogLimits& w = haptic_.watchdog;
+    WatchdogLimits& w = haptic.watchdog;
     w.hold_after_ns = w.ramp_after_ns = w.disarm_after_ns = w.problem_old_ns = w.problem_lost_ns = never;
   }
-  // As the daemon does before its clock starts.
-  world_->step([] { return InstrumentSample{}; }, *in_use_);
-  in_use_->published_ns = first_ns;
+  return haptic;
 }
 
-InstrumentSample VirtualDaemon::known_at(double t) const {
-  const auto after =
-      std::find_if(known_.begin(), known_.end(), [&](const Known& k) { return k.t > t + instant; });
-  return after == known_.begin() ? InstrumentSample{} : std::prev(after)->sample;
+}  // namespace
+
+DaemonRenderer::DaemonRenderer(const Scene& scene, const DaemonRendererOptions& options)
+    : options_(options),
+      daemon_(world_of(scene, options), scene.rate, scene.device, haptic_of(scene, options), settings()),
+      local_(options.rendering, daemon_.world().instrument(), haptic_options(scene).contact, 1 / scene.rate) {
+  VirtualTiming timing = usual_timing(daemon_.world());
+  timing.publish = nanoseconds(options.publish_after);
+  timing.base = nanoseconds(options.reference_steps / scene.rate);
+  daemon_.set_timing(timing);
 }
 
-void VirtualDaemon::step(double begin) {
-  for (; !bases_.empty() && bases_.front().step <= steps_; bases_.pop_front())
-    world_->adopt(std::move(bases_.front().job));
-  const double latch = begin + std::min(options_.latch_after, h_ - tick_s);
-  bool latched = false;
-  const auto interim = [&]() -> CondensedProblem& {
-    std::swap(in_use_, next_);
-    in_use_->published_ns = in_ns(latch);
-    return *next_;
+VirtualDaemonSettings DaemonRenderer::settings() {
+  VirtualDaemonSettings s;
+  s.first_ns = first_ns;
+  if (options_.stall_for > 0) {
+    s.stall_from = first_ns + nanoseconds(options_.stall_from);
+    s.stall_to = s.stall_from + nanoseconds(options_.stall_for);
+  }
+  s.after = [this](StepAction action, std::int64_t ns) {
+    if (action == StepAction::publish && options_.rendering != Rendering::solved)
+      local_.publish(1e-9 * static_cast<double>(ns - first_ns), *daemon_.newest(),
+                     daemon_.schedule().report().contact);
   };
-  contact_ =
-      world_->step([&] { return known_at(std::exchange(latched, true) ? latch : begin); }, *next_, interim)
-          .contact;
-  for (ReferenceJob& job : world_->wanted_references()) {
-    try {
-      job.reference->make();
-    } catch (const std::runtime_error&) {
-      job.failed = true;
-    }
-    bases_.push_back({steps_ + options_.reference_steps, std::move(job)});
-  }
-  ++steps_;
+  return s;
 }
 
-// The problem in use made again, to be in use from then on.
-void VirtualDaemon::refresh(double use) {
-  if (!world_->refresh(known_at(use - refresh_takes), *next_)) return;
-  std::swap(in_use_, next_);
-  in_use_->published_ns = in_ns(use);
-}
-
-void VirtualDaemon::advance(double t) {
-  for (;;) {
-    if (!refreshes_.empty() && refreshes_.front() <= t + instant) {
-      refresh(refreshes_.front());
-      refreshes_.pop_front();
-      continue;
-    }
-    if (!stepped_ && options_.stall_for > 0 && begin_ >= options_.stall_from - instant &&
-        begin_ < options_.stall_from + options_.stall_for - instant)
-      begin_ = options_.stall_from + options_.stall_for;
-    const double published = begin_ + std::min(options_.publish_after, h_);
-    if (!stepped_) {
-      // The tick of the latch itself counts as known.
-      const double latched = begin_ + std::min(options_.latch_after, h_ - tick_s);
-      if (published > t + instant && latched > t - instant) return;
-      step(begin_);
-      stepped_ = true;
-    }
-    if (published > t + instant) return;
-    std::swap(in_use_, next_);
-    in_use_->published_ns = in_ns(published);
-    local_.publish(published, *in_use_, contact_);
-    stepped_ = false;
-    for (const double at : options_.refresh_at)
-      if (begin_ + at * h_ >= published - instant && at * h_ + refresh_takes <= h_ + instant)
-        refreshes_.push_back(begin_ + at * h_ + refresh_takes);
-    begin_ += h_;
-    while (known_.size() > 2 && known_[1].t <= begin_ - instant) known_.pop_front();
-  }
-}
-
-ForceSample VirtualDaemon::baseline(const DeviceSample& sample, double t) {
-  const Pose X = to_scene(device_, sample.pose);
-  const Vec6 w = local_.wrench(t, X);
+ForceSample DaemonRenderer::baseline(std::int64_t now_ns) {
+  const DeviceSettings& device = daemon_.haptic().device();
+  const Pose X = to_scene(device, newest_.pose);
+  const Vec6 w = local_.wrench(1e-9 * static_cast<double>(now_ns - first_ns), X);
   bool hit = false;
-  const Wrench wrench = saturated(
-      device_, {force_to_device(device_, w.head<3>()), torque_to_device(device_, w.tail<3>())}, hit);
+  const Wrench wrench =
+      saturated(device, {force_to_device(device, w.head<3>()), torque_to_device(device, w.tail<3>())}, hit);
   ForceSample answer;
   answer.force = wrench.force;
   answer.torque = wrench.torque;
@@ -134,11 +80,9 @@ ForceSample VirtualDaemon::baseline(const DeviceSample& sample, double t) {
   return answer;
 }
 
-ForceSample VirtualDaemon::tick(const DeviceSample* arrived) {
-  const double t = tick_s * static_cast<double>(count_);
-  advance(t);
+ForceSample DaemonRenderer::tick(const DeviceSample* arrived) {
   HapticInput input;
-  input.now_ns = in_ns(t);
+  input.now_ns = first_ns + count_ * nanoseconds(tick_s);
   input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
   input.taken = arrived != nullptr;
   if (arrived) {
@@ -147,13 +91,9 @@ ForceSample VirtualDaemon::tick(const DeviceSample* arrived) {
     input.sample = newest_;
   }
   ++count_;
-  const ForceSample answer = haptic_step(in_use_.get(), instrument_, device_, haptic_, input, *state_);
-  const InstrumentInput told = instrument_input(device_, haptic_.watchdog, state_->watchdog, input.now_ns);
-  known_.push_back({t,
-                    {told.X, told.present, (told.buttons & pedal_phaco) != 0,
-                     (told.buttons & pedal_aspiration) != 0, 1e-9 * static_cast<double>(told.received_ns)}});
+  const ForceSample answer = daemon_.tick(input);
   if (options_.rendering == Rendering::solved) return answer;
-  ForceSample other = baseline(newest_, t);
+  ForceSample other = baseline(input.now_ns);
   other.step = answer.step;
   return other;
 }

@@ -26,17 +26,17 @@ StabilityBench::StabilityBench(const Scene& cube) : scene_(cube) {
 }
 
 ClosedLoopResult StabilityBench::daemon(double force_scale, const ClosedLoopSettings& s,
-                                        const VirtualDaemonOptions& options, double rate) const {
+                                        const DaemonRendererOptions& options, double rate) const {
   Scene scene = scene_;
   scene.device.force_scale = force_scale;
   scene.device.quantum = s.hand.quantum;
   scene.rate = rate;
-  VirtualDaemon daemon(scene, options);
+  DaemonRenderer daemon(scene, options);
   return run_closed_loop(daemon, s);
 }
 
 ClosedLoopResult StabilityBench::held(double force_scale, const ClosedLoopSettings& s,
-                                      VirtualDaemonOptions options, double rate) const {
+                                      DaemonRendererOptions options, double rate) const {
   options.rendering = Rendering::held;
   return daemon(force_scale, s, options, rate);
 }

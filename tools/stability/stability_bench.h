@@ -23,8 +23,8 @@ class StabilityBench {
 
   // force_scale: of the device, so the displayed stiffness.
   ClosedLoopResult daemon(double force_scale, const ClosedLoopSettings& s,
-                          const VirtualDaemonOptions& options = {}, double rate = 50) const;
-  ClosedLoopResult held(double force_scale, const ClosedLoopSettings& s, VirtualDaemonOptions options = {},
+                          const DaemonRendererOptions& options = {}, double rate = 50) const;
+  ClosedLoopResult held(double force_scale, const ClosedLoopSettings& s, DaemonRendererOptions options = {},
                         double rate = 50) const;
   // What a daemon of this force_scale displayed in the second hold [N/m], by least squares over what is
   // within a quarter of its force.

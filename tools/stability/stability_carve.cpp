@@ -243,9 +243,8 @@ class Episode {
       scene.removal.rate *= 3;
     return scene;
   }
-  static VirtualDaemonOptions options(std::uint64_t seed) {
-    VirtualDaemonOptions options;
-    options.refresh_at = {0.6, 0.8};
+  static DaemonRendererOptions options(std::uint64_t seed) {
+    DaemonRendererOptions options;
     options.reference_steps = 1 + static_cast<int>(seed % 4);
     return options;
   }
@@ -312,7 +311,7 @@ class Episode {
   const std::uint64_t seed_;
   CarveReport& report_;
   Script script_;
-  VirtualDaemon daemon_;
+  DaemonRenderer daemon_;
   TissueWatch watch_;
   ForceSample last_;
   std::uint64_t steps_ = 0;

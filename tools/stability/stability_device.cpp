@@ -53,7 +53,7 @@ StabilityPlan plan_friction(StabilityBench& bench, bool quick) {
     s.sway = [](double t) -> Vec3 { return 1e-3 * std::sin(2 * std::numbers::pi * 4 * t) * Vec3::UnitX(); };
     Scene scene = bench.scene();
     scene.bodies.front().friction = mu;
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.rendering = rendering;
     return by_energy(StabilityBench(scene).daemon(stiff_scale, s, options));
   };

@@ -42,7 +42,7 @@ StabilityTrial lossy(const StabilityBench& bench, const std::function<bool(std::
                      bool watchdogs) {
   ClosedLoopSettings s = to_and_fro(bench);
   s.underway = [lost](std::int64_t i) { return i >= undisturbed && lost(i) ? -1 : 0; };
-  VirtualDaemonOptions options;
+  DaemonRendererOptions options;
   options.watchdogs = watchdogs;
   return by_energy(bench.daemon(stiff_scale, s, options));
 }
@@ -120,7 +120,7 @@ StabilityPlan plan_reordering(StabilityBench& bench, bool quick) {
       return i < undisturbed ? 0 : static_cast<int>(chance(i) * (ms + 1));
     };
     s.renumbered = naive;
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.watchdogs = !naive;
     return by_energy(bench.daemon(stiff_scale, s, options));
   };

@@ -50,9 +50,9 @@ class Stray {
 void episode(const Scene& scene, const RandomSettings& settings, std::uint64_t seed, std::int64_t ticks,
              RandomReport& report, const std::function<bool(std::int64_t)>& progress) {
   const DeviceSettings& device = scene.device;
-  VirtualDaemonOptions options;
+  DaemonRendererOptions options;
   options.passivity_control = settings.passivity_control;
-  VirtualDaemon daemon(scene, options);
+  DaemonRenderer daemon(scene, options);
   Stray stray(seed);
   HandSettings hand;
   hand.quantum = 55e-6;

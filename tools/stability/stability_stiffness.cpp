@@ -85,12 +85,12 @@ StiffnessPoint measure(StabilityBench& bench, ClosedLoopSettings s, double facto
     p.wall = best(p.wall, with);
     if (time == tissue_viscosity) p.alike = with;
   }
-  const auto daemon = [&](const VirtualDaemonOptions& options) {
+  const auto daemon = [&](const DaemonRendererOptions& options) {
     return largest([&](double f, const Settings& at) { return bench.daemon(f, at, options); }, s, 0.5, 1e4,
                    factor, shown);
   };
   p.ours = daemon({});
-  VirtualDaemonOptions options;
+  DaemonRendererOptions options;
   options.rendering = Rendering::held;
   p.held = daemon(options);
   options = {};

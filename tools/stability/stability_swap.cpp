@@ -71,7 +71,7 @@ StabilityPlan plan_swap(StabilityBench& bench, bool quick) {
       const double since = std::max(0.0, t - settled + 0.2);
       return std::min(1.0, since / 0.2) * way / scale * std::sin(rate * since) * Vec3::UnitX();
     };
-    VirtualDaemon daemon(scene, {});
+    DaemonRenderer daemon(scene, {});
     ClosedLoopResult r = run_closed_loop(daemon, s);
     std::vector<double> steps;
     for (std::size_t i = 1; i < r.ticks.size(); ++i)
@@ -101,9 +101,9 @@ StabilityPlan plan_removal(StabilityBench& bench, bool quick) {
     scene.removal.rate = per_second;
     ClosedLoopSettings s = press_on(scene, bench);
     s.buttons = [](double t) -> std::uint32_t { return t > settled ? pedal_phaco : 0u; };
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.blend_time = blend;
-    VirtualDaemon daemon(scene, options);
+    DaemonRenderer daemon(scene, options);
     ClosedLoopResult r = run_closed_loop(daemon, s);
     double before = 0, largest = 0;
     for (const ClosedLoopTick& tick : r.ticks)

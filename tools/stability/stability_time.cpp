@@ -58,7 +58,7 @@ StabilityPlan plan_stall(StabilityBench& bench, bool) {
     const Vec3 back = -10e-3 * s.press.direction;
     s.sway = [=](double t) -> Vec3 { return std::clamp((t - stop) / 0.03, 0.0, 1.0) * back; };
     s.press.hold = 1;
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.rendering = rendering;
     options.stall_from = held;
     options.stall_for = 1e-3 * ms;
@@ -87,7 +87,7 @@ StabilityPlan plan_slow_simulation(StabilityBench& bench, bool quick) {
   plan.required = 100;
   plan.values = geometric(5, 160, quick ? 2 : std::numbers::sqrt2);
   const auto at_rate = [&bench](double ms, Rendering rendering) {
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.rendering = rendering;
     options.publish_after = 1e-3 * ms;
     return by_swing(bench.daemon(tissue_scale, bench.press(), options, 1e3 / ms), bench.press().hand);

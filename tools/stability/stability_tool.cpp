@@ -97,7 +97,7 @@ StabilityPlan plan_wedge(StabilityBench& bench, bool quick) {
     turning.device_damping *= grip * grip;
     turning.quantum = 0.1e-3;
     s.turning = turning;
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.rendering = rendering;
     ClosedLoopResult r = StabilityBench(scene).daemon(1, s, options);
     const double swing = std::max(r.swing - 2 * s.hand.quantum, (r.turning - 2 * turning.quantum) * arm);
@@ -125,7 +125,7 @@ StabilityPlan plan_stiffness_ratio(StabilityBench& bench, bool quick) {
     ClosedLoopSettings s = bench.press();
     s.press.start = Vec3(0, 0, top + 6e-3);
     s.press.depth = 12e-3;
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.rendering = rendering;
     return by_swing(StabilityBench(two_cubes(bench.scene(), ratio)).daemon(1, s, options), s.hand);
   };

@@ -108,12 +108,12 @@ class Controlled final : public Renderer {
   }
 
  private:
-  static VirtualDaemonOptions options(bool on) {
-    VirtualDaemonOptions o;
+  static DaemonRendererOptions options(bool on) {
+    DaemonRendererOptions o;
     o.passivity_control = on;
     return o;
   }
-  VirtualDaemon daemon_;
+  DaemonRenderer daemon_;
   Vec3 place_ = Vec3::Zero(), control_ = Vec3::Zero(), sent_ = Vec3::Zero();
   double rest_ = 0;
   bool has_ = false;
@@ -143,9 +143,9 @@ TEST(ClosedLoop, DaemonStandsWhereTheHeldForceSwingsAndBothAreRepeatableBitForBi
   scene.device.max_force = scene.device.max_force_rate = 1e6;
   scene.device.force_scale = 16;
   const auto run = [&](Rendering rendering) {
-    VirtualDaemonOptions options;
+    DaemonRendererOptions options;
     options.rendering = rendering;
-    VirtualDaemon daemon(scene, options);
+    DaemonRenderer daemon(scene, options);
     return run_closed_loop(daemon, press());
   };
   const ClosedLoopResult ours = run(Rendering::solved), held = run(Rendering::held),

@@ -1,11 +1,10 @@
-// The haptic tick in contact, part by part: haptic_step on the problems that a simulation publishes.
+// The haptic tick in contact, part by part, of the daemon in virtual time (server/schedule/virtual_daemon.h).
 //
 // The lens of the published size, co-rotational, `exact`, under a travelling tip (travelling_tip.h), friction
-// 0.1, geometry renewed; twenty ticks a step, each from 10 ms after the step's begin on, in one thread and
-// virtual time, so that nothing waits. No deadline: what a tick takes is what it takes. Contacts are samples
-// within the margin, of friction each: three rows of W; active are those with a force. The daemon's own tick
-// begins with fewer rows (HapticOptions::ticks_ahead); here all of them are, so that the cost is that of so
-// many contacts. Units in the names.
+// 0.1, geometry renewed; twenty ticks a step, all in one thread, so that nothing waits. No deadline: what a
+// tick takes is what it takes. Contacts are samples within the margin, of friction each: three rows of W;
+// active are those with a force. The daemon's own tick begins with fewer rows (HapticOptions::ticks_ahead);
+// here all of them are, so that the cost is that of so many contacts. Units in the names.
 #pragma once
 
 #include <array>

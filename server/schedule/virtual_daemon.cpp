@@ -1,0 +1,128 @@
+#include "server/schedule/virtual_daemon.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t ms = 1'000'000;
+constexpr std::int64_t least_period = ms / 10;
+
+std::int64_t period_of(double rate) {
+  const std::int64_t period = std::llround(1e9 / rate);
+  if (period < least_period) throw std::invalid_argument("a simulation's period is 0.1 ms at least");
+  return period;
+}
+
+bool publishes(StepAction a) {
+  return a == StepAction::publish_interim || a == StepAction::publish || a == StepAction::publish_refresh;
+}
+
+}  // namespace
+
+VirtualTiming usual_timing(const World& world) {
+  VirtualTiming timing;
+  if (!world.looks_ahead()) timing.latch = 6 * ms;
+  return timing;
+}
+
+VirtualDaemon::VirtualDaemon(std::unique_ptr<World> world, double rate, const DeviceSettings& device,
+                             const HapticOptions& options, VirtualDaemonSettings settings)
+    : settings_(std::move(settings)),
+      world_(std::move(world)),
+      schedule_(*world_, period_of(rate), settings_.schedule),
+      timing_(settings_.timing ? *settings_.timing : usual_timing(*world_)),
+      haptic_(world_->instrument(), device, options, problems_),
+      free_ns_(settings_.first_ns) {
+  schedule_.warm_up(problems_.back());
+  schedule_.start(settings_.first_ns);
+}
+
+std::int64_t VirtualDaemon::time_of(const PlannedAction& planned) const {
+  const std::int64_t period = schedule_.period_ns(), publish = std::min(timing_.publish, period);
+  const auto at = [&](std::int64_t after) { return std::max(free_ns_, begun_ns_ + after); };
+  switch (planned.action) {
+    case StepAction::publish_interim:
+      return at(std::min(timing_.interim, publish));
+    case StepAction::finish: {
+      const std::int64_t latch =
+          schedule_.begun().removed > 0 ? std::max(timing_.latch, timing_.removal_latch) : timing_.latch;
+      return at(std::clamp<std::int64_t>(latch, 0, std::max<std::int64_t>(0, period - ms)));
+    }
+    case StepAction::publish:
+      return at(publish);
+    case StepAction::publish_refresh:
+      return std::max(free_ns_, refresh_ns_ + timing_.refresh);
+    default:
+      return std::max(free_ns_, planned.due_ns);
+  }
+}
+
+void VirtualDaemon::advance(std::int64_t now_ns) {
+  for (;;) {
+    const PlannedAction planned = schedule_.next(free_ns_);
+    const std::int64_t t = time_of(planned);
+    if (planned.action == StepAction::begin && t >= settings_.stall_from && t < settings_.stall_to) {
+      free_ns_ = settings_.stall_to;
+      continue;
+    }
+    if (publishes(planned.action) ? t > now_ns : t >= now_ns) return;
+    free_ns_ = t;
+    if (planned.action == StepAction::begin) begun_ns_ = t;
+    if (planned.action == StepAction::refresh) refresh_ns_ = t;
+    if (settings_.before) settings_.before(planned.action, t);
+    schedule_.perform(planned, *this);
+    if (settings_.after) settings_.after(planned.action, t);
+  }
+}
+
+ForceSample VirtualDaemon::tick(const HapticInput& input) {
+  advance(input.now_ns);
+  const ForceSample force = haptic_.run(input);
+  tell(haptic_.instrument(input.now_ns));
+  return force;
+}
+
+void VirtualDaemon::tell(const InstrumentInput& instrument) { told_ = instrument; }
+
+const CondensedProblem* VirtualDaemon::newest() {
+  problems_.acquire();
+  return haptic_.problem();
+}
+
+InstrumentSample VirtualDaemon::latch() { return sample_of(told_); }
+
+void VirtualDaemon::publish(StepAction) {
+  problems_.back().published_ns = free_ns_;
+  problems_.publish();
+}
+
+std::optional<ReferenceJob> VirtualDaemon::finished_base() {
+  if (bases_.empty() || bases_.front().ready_ns > free_ns_) return std::nullopt;
+  ReferenceJob job = std::move(bases_.front().job);
+  bases_.pop_front();
+  return job;
+}
+
+// Made at once, ready when a thread of its own would have been.
+void VirtualDaemon::make_reference(ReferenceJob job) {
+  try {
+    if (settings_.make)
+      settings_.make(*job.base);
+    else
+      job.reference->make();
+  } catch (const std::runtime_error&) {
+    job.failed = true;
+  }
+  bases_.push_back({begun_ns_ + timing_.base, std::move(job)});
+}
+
+Pose to_device(const DeviceSettings& d, const Pose& X) {
+  return {d.frame.conjugate() * ((X.p - d.origin) / d.position_scale),
+          (d.frame.conjugate() * X.q * d.tool.conjugate()).normalized()};
+}
+
+}  // namespace hapticd

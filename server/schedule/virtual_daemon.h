@@ -1,0 +1,102 @@
+// The daemon of one device in virtual time: its schedule and its haptic tick in one thread, without a clock.
+//
+//   simulation   StepSchedule's actions at the times of VirtualTiming, after those before them have ended
+//   haptic       a tick (haptic_tick.h) whenever the caller has one, on the newest problem published by then
+//   order        at one instant: publication → tick → latch. A problem published at t is felt by the tick at
+//   t,
+//                whose instrument a step that latches at t knows.
+//
+// Nothing depends on the machine's clock: two runs of the same inputs agree bit for bit. Delays are settings
+// because the live daemon's are not constant; defaults are its medians on the cataract scene. Actions are
+// performed when time passes them, so poses may depend on the forces before. Units: ns, as haptic_step.h.
+// Errors: what World throws; std::invalid_argument for a period below 0.1 ms.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+
+#include "haptic/haptic_tick.h"
+#include "server/scene/scene.h"
+#include "server/schedule/step_schedule.h"
+
+namespace hapticd {
+
+// When what happens, after a step's begin unless said otherwise [ns].
+struct VirtualTiming {
+  std::int64_t interim = 2'000'000;        // its interim problem is published
+  std::int64_t latch = 1'000'000;          // the pose of its contact solve
+  std::int64_t removal_latch = 4'000'000;  // … at least, where something went: the factor comes first
+  std::int64_t publish = 10'000'000;       // its problem is; at most a period
+  std::int64_t refresh = 2'000'000;        // a problem made again is published, after its pose
+  std::int64_t base = 40'000'000;  // a reference factor is ready, after the begin of the step that asked
+};
+
+// The defaults; latch 6 ms where the world does not look ahead, because its factor comes first.
+VirtualTiming usual_timing(const World& world);
+
+struct VirtualDaemonSettings {
+  std::optional<VirtualTiming> timing;  // absent: usual_timing
+  StepScheduleOptions schedule;
+  std::int64_t first_ns = 1'000'000'000;  // of the first step, and of the first tick at the earliest; above 0
+  std::int64_t stall_from = 0, stall_to = 0;  // no step begins from … to
+  // Around each action, at its time; and instead of `base->make()`. Absent: nothing, and that.
+  std::function<void(StepAction, std::int64_t)> before, after;
+  std::function<void(ReferenceFactor&)> make;
+};
+
+class VirtualDaemon final : private StepHost {
+ public:
+  VirtualDaemon(std::unique_ptr<World> world, double rate, const DeviceSettings& device,
+                const HapticOptions& options, VirtualDaemonSettings settings = {});
+
+  // A tick at input.now_ns, which rises; the simulation first, as far as it is by then.
+  ForceSample tick(const HapticInput& input);
+
+  // For a tick that somebody else makes: the simulation until then, and what it is told after it.
+  void advance(std::int64_t now_ns);
+  void tell(const InstrumentInput& instrument);
+
+  // For actions to come.
+  void set_timing(const VirtualTiming& timing) { timing_ = timing; }
+  void schedule_removal(int body, std::vector<int> tets) { world_->schedule_removal(body, std::move(tets)); }
+
+  const World& world() const { return *world_; }
+  World& world() { return *world_; }  // between ticks
+  const HapticTick& haptic() const { return haptic_; }
+  const StepSchedule& schedule() const { return schedule_; }
+  // Published last, or null.
+  const CondensedProblem* newest();
+  const InstrumentInput& told() const { return told_; }
+
+ private:
+  struct Base {
+    std::int64_t ready_ns;
+    ReferenceJob job;
+  };
+
+  std::int64_t time_of(const PlannedAction& planned) const;
+
+  InstrumentSample latch() override;
+  CondensedProblem& problem() override { return problems_.back(); }
+  void publish(StepAction as) override;
+  std::optional<ReferenceJob> finished_base() override;
+  void make_reference(ReferenceJob job) override;
+
+  VirtualDaemonSettings settings_;
+  std::unique_ptr<World> world_;
+  StepSchedule schedule_;
+  VirtualTiming timing_;
+  Channel<CondensedProblem> problems_;
+  HapticTick haptic_;
+  InstrumentInput told_;
+  std::deque<Base> bases_;
+  std::int64_t free_ns_;         // the simulation's last action ended
+  std::int64_t begun_ns_ = 0;    // the step under way, or the last, began
+  std::int64_t refresh_ns_ = 0;  // the last refresh latched its pose
+};
+
+// The inverse of to_scene.
+Pose to_device(const DeviceSettings& device, const Pose& scene);
+
+}  // namespace hapticd
