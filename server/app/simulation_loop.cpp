@@ -105,7 +105,7 @@ InstrumentSample SimulationLoop::latch() {
   return sample;
 }
 
-std::optional<ReferenceJob> SimulationLoop::finished_base() {
+std::optional<ReferenceJob> SimulationLoop::finished_reference() {
   std::optional<ReferenceJob> job = references_.take();
   if (!job) return job;
   if (job->failed) statistics_.references_failed.fetch_add(1, std::memory_order_relaxed);

@@ -99,7 +99,7 @@ class SimulationLoop final : private StepHost {
   InstrumentSample latch() override;
   CondensedProblem& problem() override { return problems_.back(); }
   void publish(StepAction as) override;
-  std::optional<ReferenceJob> finished_base() override;
+  std::optional<ReferenceJob> finished_reference() override;
   void make_reference(ReferenceJob job) override { references_.give(std::move(job)); }
 
   void publish_snapshot(std::int64_t step_ns, const StepReport& report);

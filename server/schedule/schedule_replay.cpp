@@ -58,7 +58,7 @@ class Simulation final : private StepHost {
   Channel<CondensedProblem>& problems() { return problems_; }
   const World& world() const { return *world_; }
   std::uint64_t publications() const { return publications_; }
-  std::uint64_t bases() const { return bases_; }
+  std::uint64_t references() const { return references_; }
 
  private:
   [[noreturn]] void fail(const std::string& what) const {
@@ -93,7 +93,7 @@ class Simulation final : private StepHost {
     published_ = record.problem;
     ++publications_;
   }
-  std::optional<ReferenceJob> finished_base() override {
+  std::optional<ReferenceJob> finished_reference() override {
     if (next_ == steps_.size() || !steps_[next_].adopted) return std::nullopt;
     const StepRecord& record = steps_[next_++];
     const auto job = std::find_if(making_.begin(), making_.end(),
@@ -102,8 +102,8 @@ class Simulation final : private StepHost {
     ReferenceJob made = std::move(*job);
     making_.erase(job);
     made.failed = record.failed;
-    if (!made.failed) made.base->make();
-    ++bases_;
+    if (!made.failed) made.reference->make();
+    ++references_;
     return made;
   }
   void make_reference(ReferenceJob job) override { making_.push_back(std::move(job)); }
@@ -117,7 +117,7 @@ class Simulation final : private StepHost {
   std::vector<ReferenceJob> making_;
   std::size_t next_ = 0;  // record
   StepAction now_ = StepAction::begin;
-  std::uint64_t published_ = 0, publications_ = 0, bases_ = 0;
+  std::uint64_t published_ = 0, publications_ = 0, references_ = 0;
 };
 
 HapticInput input_of(const TickFacts& facts) {
@@ -164,7 +164,7 @@ Reproduction replay_schedule(const Scene& scene, const Schedule& schedule,
   }
   out.removed = simulation.world().removed();
   out.publications = simulation.publications();
-  out.bases = simulation.bases();
+  out.references = simulation.references();
   return out;
 }
 

@@ -30,7 +30,7 @@ struct Reproduction {
       0;                 // ticks whose publication is not in the record, left out with all after them
   std::size_t gaps = 0;  // ticks that are missing in between
   int removed = 0;       // tetrahedra
-  std::uint64_t publications = 0, bases = 0;
+  std::uint64_t publications = 0, references = 0;
 };
 
 // scene: as_run. `each` may end the run by returning false.

@@ -40,7 +40,7 @@ void StepSchedule::perform(const PlannedAction& planned, StepHost& host) {
       step_ns_ = planned.step_ns;
       first_ = false;
       refreshed_ = 0;
-      while (std::optional<ReferenceJob> job = host.finished_base()) world_.adopt(std::move(*job));
+      while (std::optional<ReferenceJob> job = host.finished_reference()) world_.adopt(std::move(*job));
       begun_ = world_.begin_step(host.latch(), options_.interims ? &host.problem() : nullptr);
       next_ = begun_.interim ? StepAction::publish_interim : StepAction::factor;
       return;

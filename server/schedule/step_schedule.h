@@ -46,7 +46,7 @@ class StepHost {
   virtual CondensedProblem& problem() = 0;
   virtual void publish(StepAction as) = 0;
   // Reference factors: one that is ready, and one to be made meanwhile.
-  virtual std::optional<ReferenceJob> finished_base() = 0;
+  virtual std::optional<ReferenceJob> finished_reference() = 0;
   virtual void make_reference(ReferenceJob job) = 0;
 };
 

@@ -100,10 +100,10 @@ void VirtualDaemon::publish(StepAction) {
   problems_.publish();
 }
 
-std::optional<ReferenceJob> VirtualDaemon::finished_base() {
-  if (bases_.empty() || bases_.front().ready_ns > free_ns_) return std::nullopt;
-  ReferenceJob job = std::move(bases_.front().job);
-  bases_.pop_front();
+std::optional<ReferenceJob> VirtualDaemon::finished_reference() {
+  if (references_.empty() || references_.front().ready_ns > free_ns_) return std::nullopt;
+  ReferenceJob job = std::move(references_.front().job);
+  references_.pop_front();
   return job;
 }
 
@@ -111,13 +111,13 @@ std::optional<ReferenceJob> VirtualDaemon::finished_base() {
 void VirtualDaemon::make_reference(ReferenceJob job) {
   try {
     if (settings_.make)
-      settings_.make(*job.base);
+      settings_.make(*job.reference);
     else
       job.reference->make();
   } catch (const std::runtime_error&) {
     job.failed = true;
   }
-  bases_.push_back({begun_ns_ + timing_.base, std::move(job)});
+  references_.push_back({begun_ns_ + timing_.reference, std::move(job)});
 }
 
 Pose to_device(const DeviceSettings& d, const Pose& X) {

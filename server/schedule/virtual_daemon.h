@@ -29,7 +29,7 @@ struct VirtualTiming {
   std::int64_t removal_latch = 4'000'000;  // … at least, where something went: the factor comes first
   std::int64_t publish = 10'000'000;       // its problem is; at most a period
   std::int64_t refresh = 2'000'000;        // a problem made again is published, after its pose
-  std::int64_t base = 40'000'000;  // a reference factor is ready, after the begin of the step that asked
+  std::int64_t reference = 40'000'000;  // a reference factor is ready, after the begin of the step that asked
 };
 
 // The defaults; latch 6 ms where the world does not look ahead, because its factor comes first.
@@ -40,7 +40,7 @@ struct VirtualDaemonSettings {
   StepScheduleOptions schedule;
   std::int64_t first_ns = 1'000'000'000;  // of the first step, and of the first tick at the earliest; above 0
   std::int64_t stall_from = 0, stall_to = 0;  // no step begins from … to
-  // Around each action, at its time; and instead of `base->make()`. Absent: nothing, and that.
+  // Around each action, at its time; and instead of `reference->make()`. Absent: nothing, and that.
   std::function<void(StepAction, std::int64_t)> before, after;
   std::function<void(ReferenceFactor&)> make;
 };
@@ -70,7 +70,7 @@ class VirtualDaemon final : private StepHost {
   const InstrumentInput& told() const { return told_; }
 
  private:
-  struct Base {
+  struct Reference {
     std::int64_t ready_ns;
     ReferenceJob job;
   };
@@ -80,7 +80,7 @@ class VirtualDaemon final : private StepHost {
   InstrumentSample latch() override;
   CondensedProblem& problem() override { return problems_.back(); }
   void publish(StepAction as) override;
-  std::optional<ReferenceJob> finished_base() override;
+  std::optional<ReferenceJob> finished_reference() override;
   void make_reference(ReferenceJob job) override;
 
   VirtualDaemonSettings settings_;
@@ -90,7 +90,7 @@ class VirtualDaemon final : private StepHost {
   Channel<CondensedProblem> problems_;
   HapticTick haptic_;
   InstrumentInput told_;
-  std::deque<Base> bases_;
+  std::deque<Reference> references_;
   std::int64_t free_ns_;         // the simulation's last action ended
   std::int64_t begun_ns_ = 0;    // the step under way, or the last, began
   std::int64_t refresh_ns_ = 0;  // the last refresh latched its pose

@@ -74,7 +74,7 @@ class ScriptedPort final : public DevicePort {
 
 struct LiveRun {
   int removed = 0;
-  std::uint64_t ticks = 0, lost = 0, interims = 0, refreshes = 0, bases = 0;
+  std::uint64_t ticks = 0, lost = 0, interims = 0, refreshes = 0, references = 0;
 };
 
 LiveRun run_live(const Scene& scene, const std::filesystem::path& file, int milliseconds) {
@@ -108,7 +108,7 @@ LiveRun run_live(const Scene& scene, const std::filesystem::path& file, int mill
   EXPECT_FALSE(simulation.failed()) << simulation.failure();
   const SimulationStatistics& s = simulation.statistics();
   return {world->removed(),           haptic.statistics().run.load(), recorder.lost(),
-          s.interim.snapshot().count, s.refresh.snapshot().count,     s.bases.load()};
+          s.interim.snapshot().count, s.refresh.snapshot().count,     s.references.load()};
 }
 
 void expect_the_same(Scene scene) {
@@ -129,7 +129,7 @@ void expect_the_same(Scene scene) {
       "factors: off by %g N\n",
       again.ticks, peak, static_cast<unsigned long long>(live.interims),
       static_cast<unsigned long long>(live.refreshes), live.removed,
-      static_cast<unsigned long long>(again.bases), again.largest_off);
+      static_cast<unsigned long long>(again.references), again.largest_off);
   EXPECT_EQ(again.ticks, live.ticks);
   EXPECT_LE(again.largest_off, 1e-9);
   EXPECT_LE(again.largest_torque_off, 1e-9);
@@ -254,7 +254,7 @@ TEST(StepSchedule, LeavesOutWhatHasPassed) {
     InstrumentSample latch() override { return {}; }
     CondensedProblem& problem() override { return *slot; }
     void publish(StepAction) override {}
-    std::optional<ReferenceJob> finished_base() override { return std::nullopt; }
+    std::optional<ReferenceJob> finished_reference() override { return std::nullopt; }
     void make_reference(ReferenceJob) override {}
   } host;
   const auto problem = std::make_unique<CondensedProblem>();
