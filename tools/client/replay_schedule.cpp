@@ -62,7 +62,7 @@ bool run_schedule_replay(const std::string& file, const std::string& scene_file,
   json["scene"] = scene.name;
   json["ticks"] = r.ticks;
   json["publications"] = r.publications;
-  json["reference_factors"] = r.bases;
+  json["reference_factors"] = r.references;
   json["elements_removed"] = r.removed;
   json["force_peak_n"] = peak;
   json["force_off_max_n"] = r.largest_off;

@@ -35,7 +35,7 @@ VirtualTiming timing_of(const OfflineOptions& options, const World& world) {
   if (options.latch_after) timing.latch = nanoseconds(*options.latch_after);
   timing.publish = nanoseconds(options.publish_after);
   if (options.interim_after) timing.interim = nanoseconds(*options.interim_after);
-  timing.base = nanoseconds(options.reference_after);
+  timing.reference = nanoseconds(options.reference_after);
   return timing;
 }
 

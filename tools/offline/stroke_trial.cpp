@@ -106,7 +106,7 @@ VirtualTiming timing_for(double h, const World& world) {
   VirtualTiming timing = usual_timing(world);
   const double part = std::min(1.0, h / usual_step);
   for (std::int64_t* t : {&timing.interim, &timing.latch, &timing.removal_latch, &timing.publish,
-                          &timing.refresh, &timing.base})
+                          &timing.refresh, &timing.reference})
     *t = std::llround(part * static_cast<double>(*t));
   return timing;
 }

@@ -47,7 +47,7 @@ DaemonRenderer::DaemonRenderer(const Scene& scene, const DaemonRendererOptions& 
       local_(options.rendering, daemon_.world().instrument(), haptic_options(scene).contact, 1 / scene.rate) {
   VirtualTiming timing = usual_timing(daemon_.world());
   timing.publish = nanoseconds(options.publish_after);
-  timing.base = nanoseconds(options.reference_steps / scene.rate);
+  timing.reference = nanoseconds(options.reference_steps / scene.rate);
   daemon_.set_timing(timing);
 }
 
