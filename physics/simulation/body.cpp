@@ -106,6 +106,7 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       model(model_of(settings, gravity)),
       state(state_of(model, deformable)),
       surface(model.mesh),
+      references(nullptr),
       rest(model.mesh.nodes) {
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
   if (removable && !model.dynamic)
@@ -114,6 +115,7 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
   edge = mean_edge(model.mesh);
   if (!deformable) return;
   compliance = make_compliance(method, model, h, options);
+  references = as_reference_compliance(compliance.get());
   dx_free = VecX::Zero(3 * model.node_count());
   scratch = dx_free;
   times = options.times;
@@ -159,7 +161,12 @@ void foresee_free_motion(Body& body, double h) {
 }
 
 void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
-  body.in_halves = body.forward_solved = !body.compliance->begin(b, body.dx_free);
+  Solved solved = Solved::whole;
+  if (body.references)
+    solved = body.references->start_solve(b, body.dx_free);
+  else
+    body.compliance->apply(b, body.dx_free);
+  body.in_halves = body.forward_solved = solved == Solved::forward;
   if (from)
     body.forward_offset = *from;
   else
@@ -170,7 +177,7 @@ void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
 void finish_free_motion(Body& body, const VecX* f) {
   if (body.forward_solved) {
     if (!f) body.scratch.setZero();
-    body.compliance->finish(f ? *f : body.scratch, body.dx_free);
+    body.references->finish_solve(f ? *f : body.scratch, body.dx_free);
     if (body.forward_offset.size() > 0) body.dx_free += body.forward_offset;
     body.forward_solved = false;
   } else if (f) {
@@ -180,7 +187,7 @@ void finish_free_motion(Body& body, const VecX* f) {
 }
 
 void know_free_motion(Body& body, std::span<const int> nodes) {
-  if (body.forward_solved && !body.compliance->halves_cover(nodes)) finish_free_motion(body, nullptr);
+  if (body.forward_solved && !body.references->forward_covers(nodes)) finish_free_motion(body, nullptr);
 }
 
 void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy) {

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "physics/compliance/compliance.h"
+#include "physics/compliance/reference_compliance.h"
 #include "physics/tissue/fragments.h"
 #include "physics/tissue/surface.h"
 #include "physics/tissue/tissue.h"
@@ -42,15 +42,16 @@ struct Body {
   TissueState state;  // of a rigid body: the positions only
   BoundarySurface surface;
   std::unique_ptr<Compliance> compliance;  // deformable only
+  ReferenceCompliance* references;         // the same; null: its method keeps no reference factor
   std::vector<Vec3> rest;                  // rest positions, where sample points are laid out
   VecX dx_free;                            // known near the zone only while `forward_solved`
   VecX dx_predicted;                       // Δx_p that linearise_ahead was last given
   VecX under_load;                         // of a linear static body: C f_ext
   VecX scratch;
   std::vector<Mat3> factored_rotation;  // per tetrahedron, as it is in the present factor
-  bool forward_solved = false;    // Δx_free begun: dx_free is right where the compliance's halves cover
-  bool in_halves = false;         // the compliance solves in halves
-  VecX forward_offset;            // … and what is begun is added to this; empty: to nothing
+  bool forward_solved = false;    // dx_free is known only where `references->forward_covers`
+  bool in_halves = false;         // the last solve was started with its forward half
+  VecX forward_offset;            // … and its result is added to this; empty: to nothing
   VecX pressed;                   // Σ Hᵀλ of the last `correct` [N]
   std::vector<Vec3> v_before;     // … and v before it
   Pieces pieces;                  // of the live tissue; none: not known
@@ -88,10 +89,10 @@ void compute_free_motion(Body& body, double h);
 void begin_free_motion(Body& body, const VecX& b, const VecX* from);
 
 // Δx_free + C f everywhere, f on the patch's nodes (may be null): one half of a solve where the other is
-// done. f may be where the halves do not cover only if Δx_free is known everywhere.
+// done. f may be where the forward half does not reach only if Δx_free is known everywhere.
 void finish_free_motion(Body& body, const VecX* f);
 
-// The free motion of these nodes is to be known: of all, if the halves do not cover these.
+// The free motion of these nodes is to be known: of all, if the forward half does not reach these.
 void know_free_motion(Body& body, std::span<const int> nodes);
 
 // The rotations of the corrected state, then the same. A tetrahedron that turned by more than 0.3 rad in this

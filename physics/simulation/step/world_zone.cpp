@@ -33,9 +33,9 @@ std::vector<ReferenceJob> World::wanted_references() {
     Body& body = bodies_[b];
     if (!body.deformable || !body.reference_wanted || body.reference_under_way) continue;
     if (body.reference_steps < rest_between_references) continue;
-    std::unique_ptr<ReferenceFactor> reference = body.compliance->snapshot_reference(body.state);
     body.reference_wanted = false;
-    if (!reference) continue;
+    if (!body.references) continue;
+    std::unique_ptr<ReferenceFactor> reference = body.references->snapshot_reference(body.state);
     body.reference_under_way = true;
     body.reference_steps = 0;
     jobs.push_back({static_cast<int>(b), std::move(reference), false});
@@ -59,7 +59,7 @@ void World::adopt_references(StepReport& report) {
     body.last_reference_steps = body.reference_steps;
     body.reference_steps = 0;
     if (std::exchange(body.reference_outdated, false) || job.failed || !job.reference) continue;
-    body.compliance->adopt_reference(std::move(job.reference), body.state);
+    body.references->adopt_reference(std::move(job.reference), body.state);
     ahead_[job.body] = 0;
     ++report.references_adopted;
   }
@@ -171,7 +171,7 @@ bool World::choose_zone(int b, const Pose* X, std::span<const int> first, std::s
   // may not.
   if (!makes_references_ && covered) return true;
   body.compliance->move_zone(zone);
-  body.compliance->move_halo(halo);
+  if (body.references) body.references->move_halo(halo);
   return covered;
 }
 
@@ -194,17 +194,18 @@ bool World::free_motion_plausible(Body& body) {
     if (slow && within(most_plausible)) return true;
     finish_free_motion(body, nullptr);
   }
-  return within(most_plausible) || body.compliance->disagreement(body.state, body.dx_free) < 1;
+  return within(most_plausible) || !body.references ||
+         body.references->disagreement(body.state, body.dx_free) < 1;
 }
 
 // Of the present state, in this step, however long that takes.
 void World::make_reference(int b, StepReport& report) {
   Body& body = bodies_[b];
   choose_zone(b, was_present_ ? &last_pose_ : nullptr, patch_nodes_of(b), {});
-  std::unique_ptr<ReferenceFactor> reference = body.compliance->snapshot_reference(body.state);
-  if (!reference) return;
+  if (!body.references) return;
+  std::unique_ptr<ReferenceFactor> reference = body.references->snapshot_reference(body.state);
   reference->make();
-  body.compliance->adopt_reference(std::move(reference), body.state);
+  body.references->adopt_reference(std::move(reference), body.state);
   body.compliance->update(body.state);
   body.reference_outdated = body.reference_under_way;
   ++report.synchronous_references;
