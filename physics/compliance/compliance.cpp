@@ -3,29 +3,60 @@
 #include <stdexcept>
 
 #include "physics/compliance/reference/warped_compliance.h"
+#include "physics/compliance/reference_compliance.h"
 
 namespace hapticd {
 
-void Compliance::finish(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) {
+Solved ReferenceCompliance::start_solve(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) {
+  apply(b, y);
+  return Solved::whole;
+}
+
+void ReferenceCompliance::finish_solve(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) {
   static_cast<void>(f);
   static_cast<void>(y);
-  throw std::runtime_error("this compliance solves at once");
+  throw std::runtime_error("every solve of this compliance is whole");
+}
+
+double ReferenceCompliance::disagreement(const TissueState& state, const VecX& y) {
+  static_cast<void>(state);
+  static_cast<void>(y);
+  return 0;
 }
 
 std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
                                             const ComplianceOptions& options) {
-  if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
   switch (method) {
     case ComplianceMethod::exact:
       return make_exact_compliance(model, h, options);
+    case ComplianceMethod::dense:
+      return make_dense_compliance(model, h, options);
+    case ComplianceMethod::zone:
+    case ComplianceMethod::lazy:
+    case ComplianceMethod::updown:
+      return make_reference_compliance(method, model, h, options);
+  }
+  throw std::invalid_argument("this compliance method is not known");
+}
+
+std::unique_ptr<ReferenceCompliance> make_reference_compliance(ComplianceMethod method,
+                                                               const TissueModel& model, double h,
+                                                               const ComplianceOptions& options) {
+  switch (method) {
     case ComplianceMethod::zone:
       return make_zone_compliance(model, h, options);
     case ComplianceMethod::lazy:
     case ComplianceMethod::updown:
-    case ComplianceMethod::dense:
       return make_warped_compliance(method, model, h, options);
+    case ComplianceMethod::exact:
+    case ComplianceMethod::dense:
+      break;
   }
-  throw std::invalid_argument("this compliance method is not known");
+  throw std::invalid_argument("this compliance method keeps no reference factor");
+}
+
+ReferenceCompliance* as_reference_compliance(Compliance* compliance) noexcept {
+  return dynamic_cast<ReferenceCompliance*>(compliance);
 }
 
 }  // namespace hapticd

@@ -9,9 +9,14 @@
 // exist without mass, is never needed.
 #pragma once
 
+#include <cstdint>
+
 #include "physics/tissue/tissue.h"
 
 namespace hapticd {
+
+// Whether a term is added to A or taken out of it.
+enum class TermSign : std::uint8_t { add, take_out };
 
 struct ElementTerm {
   std::array<int, 4> node{};

@@ -10,10 +10,6 @@
 #include "physics/compliance/patch_inverse.h"
 #include "physics/compliance/residual.h"
 
-#ifdef HAPTICD_OPENBLAS
-extern "C" void openblas_set_num_threads(int threads);
-#endif
-
 namespace hapticd {
 
 namespace {
@@ -49,6 +45,9 @@ class ExactCompliance final : public Compliance {
   bool zone_covers(std::span<const int> nodes) const override {
     return std::all_of(nodes.begin(), nodes.end(), [&](int n) { return in_zone_[n] || fixed_[n]; });
   }
+
+  // `update` sees from the state what went.
+  void remove(const TissueState&, std::span<const int>) override {}
 
   void update(const TissueState& state) override {
     // A of a linear body changes with removals alone: its factor serves until the zone moves.
@@ -150,10 +149,6 @@ class ExactCompliance final : public Compliance {
 std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,
                                                   const ComplianceOptions& options) {
   if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
-#ifdef HAPTICD_OPENBLAS
-  // Two or more BLAS threads lose on fronts this small, and would fight the haptic thread for its core.
-  openblas_set_num_threads(1);
-#endif
   if (options.factorisation == Factorisation::cholmod)
     return std::make_unique<ExactCompliance<CholmodFactor>>(model, h, options);
   return std::make_unique<ExactCompliance<MultifrontalFactor>>(model, h, options);

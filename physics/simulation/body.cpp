@@ -48,13 +48,15 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       rest(model.mesh.nodes),
       edge(mean_edge(model.mesh)),
       state(state_of(model, deformable)),
-      surface(model.mesh) {
+      surface(model.mesh),
+      references(nullptr) {
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
   if (removable && !model.dynamic)
     throw std::invalid_argument(name +
                                 ": a static body cannot be removable: pieces cut loose need their mass");
   if (!deformable) return;
   compliance = make_compliance(method, model, h, options);
+  references = as_reference_compliance(compliance.get());
   free.dx = VecX::Zero(3 * model.node_count());
   scratch.force = free.dx;
   times = options.times;

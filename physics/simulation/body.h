@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "physics/compliance/compliance.h"
+#include "physics/compliance/reference_compliance.h"
 #include "physics/simulation/free_motion.h"
 #include "physics/simulation/step/energy_bound.h"
 #include "physics/tissue/surface.h"
@@ -52,6 +52,7 @@ struct Body {
   TissueState state;  // of a rigid body: the positions only
   BoundarySurface surface;
   std::unique_ptr<Compliance> compliance;  // deformable only
+  ReferenceCompliance* references;         // the same; null: its method keeps no reference factor
   bool asleep = false;                     // at rest and out of reach: its step is skipped
 
   // Of the stages.

@@ -104,7 +104,12 @@ void foresee_free_motion(Body& body, double h) {
 }
 
 void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
-  body.free.in_halves = body.free.forward_solved = !body.compliance->begin(b, body.free.dx);
+  Solved solved = Solved::whole;
+  if (body.references)
+    solved = body.references->start_solve(b, body.free.dx);
+  else
+    body.compliance->apply(b, body.free.dx);
+  body.free.in_halves = body.free.forward_solved = solved == Solved::forward;
   if (from)
     body.free.offset = *from;
   else
@@ -115,7 +120,7 @@ void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
 void finish_free_motion(Body& body, const VecX* f) {
   if (body.free.forward_solved) {
     if (!f) body.scratch.force.setZero();
-    body.compliance->finish(f ? *f : body.scratch.force, body.free.dx);
+    body.references->finish_solve(f ? *f : body.scratch.force, body.free.dx);
     if (body.free.offset.size() > 0) body.free.dx += body.free.offset;
     body.free.forward_solved = false;
   } else if (f) {
@@ -125,7 +130,7 @@ void finish_free_motion(Body& body, const VecX* f) {
 }
 
 void know_free_motion(Body& body, std::span<const int> nodes) {
-  if (body.free.forward_solved && !body.compliance->halves_cover(nodes)) finish_free_motion(body, nullptr);
+  if (body.free.forward_solved && !body.references->forward_covers(nodes)) finish_free_motion(body, nullptr);
 }
 
 void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy) {

@@ -15,6 +15,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "physics/compliance/blas_threads.h"
 #include "server/app/daemon.h"
 #include "server/app/notify.h"
 #include "server/app/reload.h"
@@ -207,6 +208,7 @@ int run(const Arguments& a) {
   const bool human = logs_for_a_person(a);
   set_log_format(human ? LogFormat::human : LogFormat::json);
   require_address_space();
+  use_one_blas_thread();
   check_outputs(a);
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);

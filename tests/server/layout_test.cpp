@@ -117,6 +117,23 @@ TEST(Layout, NoFolderHasMoreThanThirtySourceFiles) {
   }
 }
 
+// OpenBLAS's threads are one setting for the process (blas_threads.h), so each program that simulates makes it.
+TEST(Layout, EveryProgramThatSimulatesUsesOneBlasThread) {
+  int programs = 0;
+  for (const std::string floor : {"server", "tools", "tests/support", "tests/package"})
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(SOURCE_DIR) / floor)) {
+      if (entry.path().extension() != ".cpp") continue;
+      std::ifstream in(entry.path());
+      const std::string text{std::istreambuf_iterator<char>(in), {}};
+      if (text.find("\nint main(") == std::string::npos) continue;
+      if (entry.path().string().find("driver") != std::string::npos || entry.path().stem() == "device")
+        continue;  // a driver links no simulation
+      ++programs;
+      EXPECT_NE(text.find("use_one_blas_thread();"), std::string::npos) << entry.path();
+    }
+  EXPECT_EQ(programs, 4);  // hapticd, haptic, the tests, the example of the libraries
+}
+
 TEST(Layout, ServerDoesNotSeeTools) {
   for (const Include& i : includes_of("server"))
     EXPECT_FALSE(i.target.starts_with("tools/")) << i.file << " includes " << i.target;

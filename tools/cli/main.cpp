@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "physics/compliance/blas_threads.h"
 #include "server/dds/dds.h"
 #include "server/files/input_error.h"
 #include "tools/cli/command.h"
@@ -9,6 +10,7 @@
 
 int main(int argc, char** argv) {
   using namespace hapticd;
+  use_one_blas_thread();
   CLI::App application{"Clients of hapticd, the haptic server for soft tissue that is being cut."};
   application.name("haptic");
   application.require_subcommand(1);

@@ -9,13 +9,13 @@
 #include <algorithm>
 #include <fstream>
 
+#include "physics/compliance/blas_threads.h"
 #include "server/os/core_isolation.h"
 #include "server/os/realtime.h"
 #include "tools/doctor/doctor.h"
 
 #ifdef HAPTICD_OPENBLAS
 extern "C" {
-int openblas_get_num_threads();
 char* openblas_get_config();
 }
 #endif
@@ -140,9 +140,11 @@ Finding blas() {
   const bool known = dladdr(reinterpret_cast<void*>(&dgemm_), &info) != 0 && info.dli_fname;
   const std::string library = known ? std::filesystem::weakly_canonical(info.dli_fname).string() : "unknown";
 #ifdef HAPTICD_OPENBLAS
-  const std::string found =
-      library + ": " + openblas_get_config() + ", " + std::to_string(openblas_get_num_threads()) + " threads";
-  return {"BLAS", Health::pass, found, ""};
+  const int threads = blas_threads();
+  const std::string found = library + ": " + openblas_get_config() + ", " + std::to_string(threads) +
+                            (threads == 1 ? " thread" : " threads");
+  return {"BLAS", threads == 1 ? Health::pass : Health::fail, found,
+          threads == 1 ? "" : "a fault of this program: blas_threads.h"};
 #else
   return {"BLAS", Health::warn, library + ": the reference BLAS; the base of a large body takes seconds",
           "build with libopenblas-dev installed"};

@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "physics/compliance/element_term.h"
+#include "physics/compliance/reference_compliance.h"
 #include "physics/compliance/system_matrix.h"
 #include "tools/chart/removal/chart_removal.h"
 #include "tools/chart/removal/chart_warping.h"
@@ -46,10 +47,9 @@ double patch_error(Compliance& compliance, const TissueModel& model, const Tissu
 }
 
 // What the simulation does where a base is wanted, only at once.
-void renew_reference(Compliance& compliance, const TissueState& state) {
+void renew_reference(ReferenceCompliance& compliance, const TissueState& state) {
   if (!compliance.report().wants_reference) return;
   std::unique_ptr<ReferenceFactor> base = compliance.snapshot_reference(state);
-  if (!base) return;
   base->make();
   compliance.adopt_reference(std::move(base), state);
   compliance.update(state);
@@ -142,7 +142,7 @@ StabilityPlan plan_near_static(StabilityBench& bench, bool quick) {
     StabilityTrial trial;
     try {
       PaperStack paper(model, state);
-      const auto compliance = make_compliance(ComplianceMethod::zone, model, h);
+      const auto compliance = make_zone_compliance(model, h);
       compliance->move_zone(zone);
       compliance->update(state);
       const std::size_t batch = std::max<std::size_t>(1, order.size() / 12);
@@ -194,7 +194,7 @@ StabilityPlan plan_rotation(StabilityBench& bench, bool quick) {
     const TissueState rest = rest_state(model);
     ComplianceOptions options;
     options.warping = warping;
-    const auto compliance = make_compliance(method, model, h, options);
+    const auto compliance = make_reference_compliance(method, model, h, options);
     const std::vector<int> zone = nodes_at_top(model, rest, zone_nodes),
                            patch = nodes_at_top(model, rest, patch_nodes);
     compliance->move_zone(zone);

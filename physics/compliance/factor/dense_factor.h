@@ -33,8 +33,8 @@ class DenseFactor {
   // To be filled with S; then L.
   View matrix() noexcept { return {memory_.data(), size_, size_, Eigen::OuterStride<>(stride_)}; }
 
-  // False: not positive definite.
-  bool factor() noexcept {
+  // Returns false if S is not positive definite.
+  [[nodiscard]] bool factor() noexcept {
     const int height = (size_ + row_multiple - 1) / row_multiple * row_multiple;
     FrontAhead nothing;
     return kernels_->factor_panel(memory_.data(), stride_, height, size_, reciprocal_.data(), nothing);

@@ -18,13 +18,11 @@
 
 namespace hapticd {
 
-enum class TermSign { add, take_out };
-
 class LowRankInverse {
  public:
   virtual ~LowRankInverse() = default;
 
-  virtual bool change(const ElementTerm& term, TermSign sign) = 0;
+  [[nodiscard]] virtual bool change(const ElementTerm& term, TermSign sign) = 0;
 
   // The order in which `element_term` should have an element's corners.
   virtual int place(int node) const = 0;

@@ -9,10 +9,6 @@
 #include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/residual.h"
 
-#ifdef HAPTICD_OPENBLAS
-extern "C" void openblas_set_num_threads(int threads);
-#endif
-
 namespace hapticd {
 
 namespace {
@@ -47,10 +43,11 @@ struct WarpedReference final : ReferenceFactor {
   }
 };
 
-class WarpedCompliance final : public Compliance {
+// Interface: ReferenceCompliance, or Compliance for `dense`, whose inverse nobody else makes.
+template <class Interface>
+class Warped : public Interface {
  public:
-  WarpedCompliance(ComplianceMethod method, const TissueModel& model, double h,
-                   const ComplianceOptions& options)
+  Warped(ComplianceMethod method, const TissueModel& model, double h, const ComplianceOptions& options)
       : method_(method),
         model_(model),
         h_(h),
@@ -186,17 +183,22 @@ class WarpedCompliance final : public Compliance {
     return report;
   }
 
-  std::unique_ptr<ReferenceFactor> snapshot_reference(const TissueState& state) override {
-    if (method_ == ComplianceMethod::dense) return nullptr;
-    return reference_of(state);
+ protected:
+  std::unique_ptr<WarpedReference> reference_of(const TissueState& state) const {
+    auto reference = std::make_unique<WarpedReference>(method_, matrix_, state);
+    if (method_ == ComplianceMethod::lazy)
+      std::fill(reference->state.rotation.begin(), reference->state.rotation.end(), Mat3::Identity());
+    if (method_ == ComplianceMethod::dense) return reference;
+    if (method_ == ComplianceMethod::lazy || needs_zone()) reference->zone = zone_;
+    reference->order = zone_last_order(graph_, fill_order_, reference->zone);
+    return reference;
   }
 
-  void adopt_reference(std::unique_ptr<ReferenceFactor> reference, const TissueState& state) override {
-    auto* made = dynamic_cast<WarpedReference*>(reference.get());
-    if (!made || made->method != method_ || !made->inverse)
-      throw std::invalid_argument("not a made base of this compliance");
+  void adopt(WarpedReference& reference, const TissueState& state) {
+    if (reference.method != method_ || !reference.inverse)
+      throw std::invalid_argument("not a made reference factor of this compliance");
     updated_ = false;
-    take(*made);
+    take(reference);
     if (state.removed != gone_count_) remove_untold(state);
   }
 
@@ -214,16 +216,6 @@ class WarpedCompliance final : public Compliance {
       for (int t = 0; t < model_.tet_count(); ++t)
         if (state.alive[t] && state.rotation[t] != turn_.reference()[t]) return true;
     return false;
-  }
-
-  std::unique_ptr<WarpedReference> reference_of(const TissueState& state) const {
-    auto reference = std::make_unique<WarpedReference>(method_, matrix_, state);
-    if (method_ == ComplianceMethod::lazy)
-      std::fill(reference->state.rotation.begin(), reference->state.rotation.end(), Mat3::Identity());
-    if (method_ == ComplianceMethod::dense) return reference;
-    if (method_ == ComplianceMethod::lazy || needs_zone()) reference->zone = zone_;
-    reference->order = zone_last_order(graph_, fill_order_, reference->zone);
-    return reference;
   }
 
   void take(WarpedReference& reference) {
@@ -298,15 +290,33 @@ class WarpedCompliance final : public Compliance {
   MatX reference_block_;
 };
 
+class WarpedReferenceCompliance final : public Warped<ReferenceCompliance> {
+ public:
+  using Warped::Warped;
+
+  std::unique_ptr<ReferenceFactor> snapshot_reference(const TissueState& state) override {
+    return reference_of(state);
+  }
+
+  void adopt_reference(std::unique_ptr<ReferenceFactor> reference, const TissueState& state) override {
+    auto* made = dynamic_cast<WarpedReference*>(reference.get());
+    if (!made) throw std::invalid_argument("not a made reference factor of this compliance");
+    adopt(*made, state);
+  }
+};
+
 }  // namespace
 
-std::unique_ptr<Compliance> make_warped_compliance(ComplianceMethod method, const TissueModel& model,
-                                                   double h, const ComplianceOptions& options) {
+std::unique_ptr<ReferenceCompliance> make_warped_compliance(ComplianceMethod method, const TissueModel& model,
+                                                            double h, const ComplianceOptions& options) {
   if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
-#ifdef HAPTICD_OPENBLAS
-  openblas_set_num_threads(1);
-#endif
-  return std::make_unique<WarpedCompliance>(method, model, h, options);
+  return std::make_unique<WarpedReferenceCompliance>(method, model, h, options);
+}
+
+std::unique_ptr<Compliance> make_dense_compliance(const TissueModel& model, double h,
+                                                  const ComplianceOptions& options) {
+  if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
+  return std::make_unique<Warped<Compliance>>(ComplianceMethod::dense, model, h, options);
 }
 
 }  // namespace hapticd

@@ -9,7 +9,7 @@ void FarFieldUpdates::clear(int dofs) {
 }
 
 bool FarFieldUpdates::change(LeadingColumns& panels, const ElementTerm& term, std::span<const int> places,
-                             Sign sign, MatX& S_out) {
+                             TermSign sign, MatX& S_out) {
   const int rank = term.rank;
   if (rank == 0) return true;
   const int rest = panels.rest_dofs();
@@ -27,7 +27,7 @@ bool FarFieldUpdates::change(LeadingColumns& panels, const ElementTerm& term, st
   next.Y = X_(next.row, Eigen::all);
   next.v = X_.bottomRows(S_out.rows());
   MatX D = -next.Y.transpose() * next.Y;
-  D.diagonal().array() += sign == Sign::take_out ? 1.0 : -1.0;
+  D.diagonal().array() += sign == TermSign::take_out ? 1.0 : -1.0;
   next.W.resize(columns_, rank);
   MatX t(columns_, rank);  // t_ij of all earlier i, stacked; t_kiᵀ D_k⁻¹ t_kj = W_kiᵀ t_kj
   for (const Term& earlier : terms_) {
@@ -45,7 +45,7 @@ bool FarFieldUpdates::change(LeadingColumns& panels, const ElementTerm& term, st
   X_.conservativeResize(Eigen::NoChange, 12);
   X_.rightCols(12 - rank).setZero();
 
-  next.sign = sign == Sign::take_out ? 1.0 : -1.0;
+  next.sign = sign == TermSign::take_out ? 1.0 : -1.0;
   next.D.compute(next.sign * D);
   if (next.D.info() != Eigen::Success || !next.v.allFinite()) return false;
   const MatX half = next.D.matrixL().solve(MatX(next.v.transpose()));

@@ -24,14 +24,12 @@ namespace hapticd {
 
 class FarFieldUpdates {
  public:
-  enum class Sign { take_out, add };
-
   void clear(int dofs);
   bool empty() const noexcept { return terms_.empty(); }
 
   // `places`: of the term's corners in the order. False, and nothing is changed, when D is not definite.
-  bool change(LeadingColumns& panels, const ElementTerm& term, std::span<const int> places, Sign sign,
-              MatX& S_out);
+  [[nodiscard]] bool change(LeadingColumns& panels, const ElementTerm& term, std::span<const int> places,
+                            TermSign sign, MatX& S_out);
 
   // Between the halves, for each column of X: λ before the corner's solve, and after it.
   void before_corner(const Eigen::Ref<const MatX>& X, MatX& g, Eigen::Ref<MatX> corner) const;

@@ -1,32 +1,27 @@
+// Method `zone`: which nodes, what was removed, how far the tissue turned; the solves are zone_factor.h's.
 #include <algorithm>
-#include <limits>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
-#include "physics/compliance/factor/dense_factor.h"
-#include "physics/compliance/patch_inverse.h"
 #include "physics/compliance/reference/warp_rotation.h"
-#include "physics/compliance/residual.h"
-#include "physics/compliance/zone/far_field_updates.h"
-#include "physics/compliance/zone/zone_reference.h"
-
-#ifdef HAPTICD_OPENBLAS
-extern "C" void openblas_set_num_threads(int threads);
-#endif
+#include "physics/compliance/reference_compliance.h"
+#include "physics/compliance/zone/zone_factor.h"
+#include "physics/compliance/zone/zone_sample.h"
 
 namespace hapticd {
 
 namespace {
 
-class ZoneCompliance final : public Compliance {
+class ZoneCompliance final : public ReferenceCompliance {
  public:
   ZoneCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
       : model_(model),
         options_(options),
         structure_(std::make_shared<const ZoneStructure>(model, h)),
         turn_(model),
+        factor_(options.quantised_reference ? PanelPrecision::rounded : PanelPrecision::full),
+        sample_(options),
         wanted_(model.node_count(), 0),
         Q_(model.node_count(), Mat3::Identity()),
         in_system_(model.node_count(), 0) {}
@@ -43,13 +38,13 @@ class ZoneCompliance final : public Compliance {
     }
     wanted_ = std::move(wanted);
     wanted_zone_ = std::move(zone);
-    ring_.clear();
+    halo_.clear();
   }
 
   void move_halo(std::span<const int> nodes) override {
-    ring_.clear();
+    halo_.clear();
     for (const int n : nodes)
-      if (!model_.fixed.at(n) && !wanted_[n]) ring_.push_back(n);
+      if (!model_.fixed.at(n) && !wanted_[n]) halo_.push_back(n);
   }
 
   bool zone_covers(std::span<const int> nodes) const override {
@@ -60,11 +55,11 @@ class ZoneCompliance final : public Compliance {
 
   void remove(const TissueState& after, std::span<const int> tets) override {
     if (!reference_) return;
-    updated_ = is_begun_ = false;
+    updated_ = forward_solved_ = false;
     for (const int t : tets) {
       if (gone_[t] || after.alive[t]) continue;
       gone_[t] = 1;
-      ++gone_count_;
+      ++removed_count_;
       ++removed_since_reference_;
       if (!reference_->is_inside(t)) carry(after, t);
     }
@@ -72,121 +67,104 @@ class ZoneCompliance final : public Compliance {
 
   void update(const TissueState& state) override {
     const Within assembly(options_.times, StepPart::assembly);
-    updated_ = is_begun_ = false;
+    updated_ = forward_solved_ = false;
     if (!reference_) {
       make_now(state);
-    } else if (state.removed != gone_count_) {
+    } else if (state.removed != removed_count_) {
       remove_untold(state);
     }
-    if (left_behind_ > 0 && options_.synchronous_reference) make_now(state);
+    if (not_carried_ > 0 && options_.synchronous_reference) make_now(state);
     follow(state);
-    if (!factor_corner(state)) {
+    if (!factor_.factor_corner(state, Q_, in_system_, options_.times)) {
       // Only round-off can do this, where almost nothing holds a piece: start from the present A.
       make_now(state);
       follow(state);
-      if (!factor_corner(state))
+      if (!factor_.factor_corner(state, Q_, in_system_, options_.times))
         throw std::runtime_error(
             "the system matrix A is not positive definite: a body (or a part cut from "
             "it) has neither mass nor support");
     }
     ++reference_age_;
-    // A step that has just paid for a new reference factor does not pay for a sample too.
-    due_ = ++since_sample_ >= options_.sample_every && (reference_age_ > 1 || options_.sample_every <= 1);
-    fresh_sample_ = false;
     updated_ = true;
-    if (!due_) return;
-    since_sample_ = 0;
-    half_sample_ = sample_residual(*this, model_, state, structure_->h);
-    Q_at_sample_ = Q_;
-    removed_at_sample_ = gone_count_;
+    if (sample_.due_after_update(reference_age_))
+      sample_.take(sample_residual(*this, model_, state, structure_->h), Q_, removed_count_);
   }
 
-  bool halves_cover(std::span<const int> nodes) const override {
+  bool forward_covers(std::span<const int> nodes) const override {
     return reference_ && std::all_of(nodes.begin(), nodes.end(),
                                      [&](int n) { return model_.fixed[n] || reference_->is_near(n); });
   }
 
   void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
     require_update();
-    Reach reach = Reach::corner;
-    x_.setZero();
+    auto reach = ZoneFactor::Reach::corner;
+    half_.x.setZero();
     for (int n = 0; n < model_.node_count(); ++n) {
       if (!in_system_[n]) continue;
-      auto x = x_.segment<3>(3 * reference_->place(n));
+      auto x = half_.x.segment<3>(3 * reference_->place(n));
       x.noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
-      if (reach == Reach::all || reference_->zone_place(n) >= 0 || !(x.array() != 0).any()) continue;
-      reach = reference_->is_near(n) ? Reach::last_panel : Reach::all;
+      if (reach == ZoneFactor::Reach::all || reference_->zone_place(n) >= 0 || !(x.array() != 0).any())
+        continue;
+      reach = reference_->is_near(n) ? ZoneFactor::Reach::last_panel : ZoneFactor::Reach::all;
     }
-    first_half(x_, g_, reach);
-    second_half(x_, g_);
-    turn_back(x_, y);
+    factor_.forward(half_, reach);
+    factor_.backward(half_);
+    turn_back(half_.x, y);
   }
 
-  bool begin(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
+  Solved start_solve(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
     require_update();
-    begun_.setZero(x_.size());
+    started_.x.setZero(half_.x.size());
     for (int n = 0; n < model_.node_count(); ++n)
       if (in_system_[n])
-        begun_.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
-    first_half(begun_, begun_g_, Reach::all);
-    is_begun_ = true;
-    x_ = begun_;
-    g_ = begun_g_;
-    from_corner(x_, g_);
-    reference_->panels().backward_last(x_, precision());
-    y.setZero();
-    for (const int n : reference_->near())
-      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * reference_->place(n));
-    return false;
+        started_.x.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * b.segment<3>(3 * n);
+    factor_.forward(started_, ZoneFactor::Reach::all);
+    forward_solved_ = true;
+    half_ = started_;
+    factor_.backward_near(half_);
+    turn_back_at(reference_->near(), y);
+    return Solved::forward;
   }
 
-  void finish(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) override {
+  void finish_solve(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) override {
     require_update();
-    if (!std::exchange(is_begun_, false))
-      throw std::runtime_error("no solve was begun since the last update");
-    Reach reach = Reach::corner;
-    x_.setZero();
+    if (!std::exchange(forward_solved_, false))
+      throw std::runtime_error("no solve was started since the last update");
+    auto reach = ZoneFactor::Reach::corner;
+    half_.x.setZero();
     for (const int n : reference_->near()) {
       if (!in_system_[n]) continue;
-      auto x = x_.segment<3>(3 * reference_->place(n));
+      auto x = half_.x.segment<3>(3 * reference_->place(n));
       x.noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
-      if (reference_->zone_place(n) < 0 && (x.array() != 0).any()) reach = Reach::last_panel;
+      if (reference_->zone_place(n) < 0 && (x.array() != 0).any()) reach = ZoneFactor::Reach::last_panel;
     }
-    first_half(x_, g_, reach);
-    begun_ += x_;
-    begun_g_ += g_;
-    second_half(begun_, begun_g_);
-    turn_back(begun_, y);
+    factor_.forward(half_, reach);
+    started_.x += half_.x;
+    started_.g += half_.g;
+    factor_.backward(started_);
+    turn_back(started_.x, y);
   }
 
   void apply_in_zone(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) override {
     require_update();
-    auto corner = x_.tail(corner_size());
+    auto corner = half_.x.tail(factor_.corner_size());
     corner.setZero();
     for (const int n : reference_->zone())
       if (in_system_[n])
-        x_.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
-    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
-    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
-    y.setZero();
-    for (const int n : reference_->zone())
-      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * x_.segment<3>(3 * reference_->place(n));
+        half_.x.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
+    factor_.solve_corner(corner);
+    turn_back_at(reference_->zone(), y);
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
     require_update();
     places_.clear();
-    bool covered = true;
     for (const int n : nodes) {
       if (n < 0 || n >= model_.node_count())
         throw std::invalid_argument("the patch names node " + std::to_string(n));
-      places_.push_back(in_system_[n] ? reference_->zone_place(n) : -1);
-      covered = covered && (!in_system_[n] || places_.back() >= 0);
+      places_.push_back(in_system_[n] ? reference_->place(n) : -1);
     }
-    if (covered)
-      patch_inverse_(corner_factor(), places_, block);
-    else
-      patch_beyond_zone(nodes, block);
+    factor_.patch(places_, block);
     for (std::size_t i = 0; i < nodes.size(); ++i)
       for (std::size_t j = 0; j <= i; ++j) {
         Mat3 entry = Q_[nodes[i]] * block.block<3, 3>(3 * i, 3 * j) * Q_[nodes[j]].transpose();
@@ -208,27 +186,20 @@ class ZoneCompliance final : public Compliance {
     require_update();
     ComplianceReport report;
     report.rotation_since_reference = largest_turn_;
-    if (half_sample_ && !due_) {
-      sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
-    } else if (due_ && !fresh_sample_) {
-      // Where samples are rare, their halves fall into two steps.
-      if (options_.sample_every <= 1) sampled_ = error_of(*this, *std::exchange(half_sample_, std::nullopt));
-      fresh_sample_ = true;
-    }
-    report.residual = sampled_.residual;
-    report.error = sampled_.error;
-    report.health = health_of(sampled_, options_);
-    if (report.health == ComplianceHealth::good && (left_behind_ > 0 || !sample_holds()))
+    const SampledError& sampled = sample_.error(*this);
+    report.residual = sampled.residual;
+    report.error = sampled.error;
+    report.health = health_of(sampled, options_);
+    if (report.health == ComplianceHealth::good && (not_carried_ > 0 || !sample_.holds(Q_, removed_count_)))
       report.health = ComplianceHealth::new_reference_wanted;
-    report.wants_reference = report.health == ComplianceHealth::degraded || left_behind_ > 0 ||
-                             std::max(sampled_.residual, sampled_.error) > options_.reference_error_limit ||
+    report.wants_reference = report.health == ComplianceHealth::degraded || not_carried_ > 0 ||
+                             std::max(sampled.residual, sampled.error) > options_.reference_error_limit ||
                              report.rotation_since_reference > options_.reference_rotation_limit ||
                              reference_age_ > options_.reference_age_limit ||
                              carried_count_ > options_.reference_removed_limit;
     report.removed_since_reference = removed_since_reference_;
     report.reference_age = reference_age_;
-    report.memory_bytes = reference_->panels().memory_bytes() + carried_.memory_bytes() +
-                          2 * sizeof(double) * static_cast<std::size_t>(reference_->outer_corner().size());
+    report.memory_bytes = factor_.memory_bytes();
     return report;
   }
 
@@ -238,45 +209,12 @@ class ZoneCompliance final : public Compliance {
 
   void adopt_reference(std::unique_ptr<ReferenceFactor> reference, const TissueState& state) override {
     auto* made = dynamic_cast<ZoneReference*>(reference.get());
-    if (!made || !made->made()) throw std::invalid_argument("not a made base of this compliance");
+    if (!made || !made->made()) throw std::invalid_argument("not a made reference factor of this compliance");
     reference.release();
     take(std::unique_ptr<ZoneReference>(made), state);
   }
 
  private:
-  PanelPrecision precision() const {
-    return options_.quantised_reference ? PanelPrecision::rounded : PanelPrecision::full;
-  }
-
-  // Where a right-hand side is not zero: from there on the panels have something to do.
-  enum class Reach : std::uint8_t { corner, last_panel, all };
-
-  // Up to L⁻¹ of the corner: all that a force on the zone does not enter before.
-  void first_half(VecX& x, MatX& g, Reach reach) {
-    if (reach == Reach::all) reference_->panels().forward(x, precision());
-    if (reach == Reach::last_panel) reference_->panels().forward_last(x, precision());
-    auto corner = x.tail(corner_size());
-    Eigen::Map<MatX> column(x.data(), x.size(), 1);
-    if (reach == Reach::corner || carried_.empty())
-      g.setZero(carried_.columns(), 1);
-    else
-      carried_.before_corner(column, g, column.bottomRows(corner.size()));
-    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
-  }
-
-  // … and from there on, but for the panels.
-  void from_corner(VecX& x, MatX& g) {
-    auto corner = x.tail(corner_size());
-    Eigen::Map<MatX> column(x.data(), x.size(), 1);
-    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
-    if (!carried_.empty()) carried_.after_corner(column.bottomRows(corner.size()), g, column);
-  }
-
-  void second_half(VecX& x, MatX& g) {
-    from_corner(x, g);
-    reference_->panels().backward(x, precision());
-  }
-
   void turn_back(const VecX& x, Eigen::Ref<VecX> y) const {
     for (int n = 0; n < model_.node_count(); ++n) {
       if (in_system_[n])
@@ -286,8 +224,12 @@ class ZoneCompliance final : public Compliance {
     }
   }
 
-  DenseFactor::View corner_factor() noexcept { return factor_.matrix(); }
-  Eigen::Index corner_size() const noexcept { return reference_->outer_corner().rows(); }
+  // half_.x of these nodes, zero elsewhere.
+  void turn_back_at(std::span<const int> nodes, Eigen::Ref<VecX> y) const {
+    y.setZero();
+    for (const int n : nodes)
+      if (in_system_[n]) y.segment<3>(3 * n) = Q_[n] * half_.x.segment<3>(3 * reference_->place(n));
+  }
 
   void require_update() const {
     if (!updated_) throw std::runtime_error("the compliance was used before a successful update");
@@ -303,31 +245,28 @@ class ZoneCompliance final : public Compliance {
   std::unique_ptr<ZoneReference> wanted_reference(const TissueState& state,
                                                   std::unique_ptr<ZoneReference> retired) const {
     std::vector<int> nodes = wanted_zone_;
-    nodes.insert(nodes.end(), ring_.begin(), ring_.end());
+    nodes.insert(nodes.end(), halo_.begin(), halo_.end());
     return std::make_unique<ZoneReference>(structure_, std::move(nodes),
                                            static_cast<int>(wanted_zone_.size()), state,
                                            options_.quantised_reference, std::move(retired));
   }
 
   void take(std::unique_ptr<ZoneReference> reference, const TissueState& state) {
-    updated_ = is_begun_ = false;
+    updated_ = forward_solved_ = false;
     retired_ = std::move(reference_);
     reference_ = std::move(reference);
     turn_.set_reference(reference_->state().rotation);
-    half_sample_.reset();
-    sampled_ = {};  // of the reference factor that went
-    Q_at_sample_.clear();
-    carried_.clear(3 * model_.node_count());
-    x_.resize(3 * model_.node_count());
-    factor_.resize(3 * reference_->zone_size());
+    sample_.forget();
+    half_.x.resize(3 * model_.node_count());
+    factor_.set_reference(*reference_, model_.node_count());
     gone_.resize(model_.tet_count());
     for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference_->state().alive[t];
-    gone_count_ = reference_->state().removed;
+    removed_count_ = reference_->state().removed;
     stayed_orphan_.assign(model_.node_count(), 0);
     for (int n = 0; n < model_.node_count(); ++n)
       stayed_orphan_[n] = reference_->state().live_tets_of_node[n] == 0;
-    removed_since_reference_ = reference_age_ = carried_count_ = left_behind_ = 0;
-    if (state.removed != gone_count_) remove_untold(state);
+    removed_since_reference_ = reference_age_ = carried_count_ = not_carried_ = 0;
+    if (state.removed != removed_count_) remove_untold(state);
   }
 
   void remove_untold(const TissueState& state) {
@@ -344,7 +283,7 @@ class ZoneCompliance final : public Compliance {
     // Nothing that is left feels it: a fragment that went whole costs nothing.
     if (std::all_of(nodes.begin(), nodes.end(), no_unknown)) return;
     if (carried_count_ >= options_.most_carried) {
-      ++left_behind_;
+      ++not_carried_;
       return;
     }
     // An orphan outside the corner gets the identity's row before its last stiffness goes.
@@ -352,22 +291,17 @@ class ZoneCompliance final : public Compliance {
       if (model_.fixed[n] || stayed_orphan_[n] || after.live_tets_of_node[n] > 0) continue;
       stayed_orphan_[n] = 1;
       if (reference_->zone_place(n) < 0)
-        change(identity_term(n, reference_->identity_scale()), FarFieldUpdates::Sign::add);
+        change(identity_term(n, reference_->identity_scale()), TermSign::add);
     }
     Tet corners = nodes;
     std::sort(corners.begin(), corners.end(),
               [&](int a, int b) { return reference_->place(a) < reference_->place(b); });
-    change(element_term(model_, structure_->h, t, turn_.reference()[t], corners),
-           FarFieldUpdates::Sign::take_out);
+    change(element_term(model_, structure_->h, t, turn_.reference()[t], corners), TermSign::take_out);
     ++carried_count_;
   }
 
-  void change(const ElementTerm& term, FarFieldUpdates::Sign sign) {
-    std::array<int, 4> places{};
-    for (int c = 0; c < term.corners; ++c) places[c] = reference_->place(term.node[c]);
-    if (!carried_.change(reference_->panels(), term, {places.data(), static_cast<std::size_t>(term.corners)},
-                         sign, reference_->outer_corner()))
-      ++left_behind_;
+  void change(const ElementTerm& term, TermSign sign) {
+    if (!factor_.carry(term, sign)) ++not_carried_;
   }
 
   void follow(const TissueState& state) {
@@ -383,133 +317,42 @@ class ZoneCompliance final : public Compliance {
                                                              : angle_of(turn_(n, state) * Q_[n].transpose()));
   }
 
-  bool factor_corner(const TissueState& state) {
-    const MatX& S_out = reference_->outer_corner();
-    auto S = factor_.matrix();
-    for (Eigen::Index j = 0; j < S.cols(); ++j) {
-      const Eigen::Index rows = S.rows() - j / row_multiple * row_multiple;  // whole tiles
-      S.col(j).tail(rows) = S_out.col(j).tail(rows);
-    }
-    reference_->add_inside(state, Q_, S);
-    for (const int n : reference_->zone()) {
-      if (in_system_[n]) continue;
-      const int p = 3 * reference_->zone_place(n);
-      S.middleRows(p, 3).leftCols(p + 3).setZero();
-      S.middleCols(p, 3).bottomRows(S.rows() - p).setZero();
-      S.diagonal().segment<3>(p).setConstant(reference_->identity_scale());
-    }
-    const Within factor(options_.times, StepPart::factor);
-    return factor_.factor();
-  }
-
-  // Nodes of which some lie outside the zone, by a half solve for each of those: with f the first half of a
-  // solve for a unit force,  C_uu = f_uᵀ f_u over rest, Λ and corner,  C_cu = rows c of S⁻¹ (f_u before the
-  // corner).
-  void patch_beyond_zone(std::span<const int> nodes, Eigen::Ref<MatX> block) {
-    std::vector<int> outside;  // indices into nodes
-    std::vector<int> nonzero;
-    for (std::size_t i = 0; i < nodes.size(); ++i) {
-      if (!in_system_[nodes[i]] || places_[i] >= 0) continue;
-      outside.push_back(static_cast<int>(i));
-      for (int r = 0; r < 3; ++r) nonzero.push_back(3 * reference_->place(nodes[i]) + r);
-      places_[i] = -1;
-    }
-    patch_inverse_(corner_factor(), places_, block);  // rows and columns of those outside stay zero
-
-    const auto columns = static_cast<Eigen::Index>(nonzero.size());
-    if (beyond_.rows() != x_.size() || beyond_.cols() < columns) beyond_.setZero(x_.size(), columns);
-    auto X = beyond_.leftCols(columns);
-    for (std::size_t k = 0; k < nonzero.size(); ++k) X(nonzero[k], static_cast<Eigen::Index>(k)) = 1;
-    std::vector<int> reached;
-    reference_->panels().forward_sparse(X, nonzero, reached);
-    const MatX X_r = X(reached, Eigen::all);
-    MatX C_uu = X_r.transpose() * X_r;
-    auto corner = X.bottomRows(corner_size());
-    if (!carried_.empty()) {
-      carried_.before_corner(X, g_, corner);
-      carried_.add_energy(g_, C_uu);
-    }
-    corner_factor().triangularView<Eigen::Lower>().solveInPlace(corner);
-    C_uu.noalias() += corner.transpose() * corner;
-    corner_factor().triangularView<Eigen::Lower>().transpose().solveInPlace(corner);
-    for (std::size_t u = 0; u < outside.size(); ++u) {
-      const int at = 3 * outside[u];
-      for (std::size_t w = 0; w < outside.size(); ++w)
-        block.block<3, 3>(3 * outside[w], at) = C_uu.block<3, 3>(3 * w, 3 * u);
-      for (std::size_t c = 0; c < nodes.size(); ++c) {
-        if (places_[c] < 0) continue;
-        const Mat3 entry = corner.block<3, 3>(3 * places_[c], 3 * u);
-        block.block<3, 3>(3 * c, at) = entry;
-        block.block<3, 3>(at, 3 * c) = entry.transpose();
-      }
-    }
-    for (Eigen::Index k = 0; k < columns; ++k)
-      for (const int row : reached) X(row, k) = 0;
-    corner.setZero();
-  }
-
-  // Whether the last sample still speaks for this state: nothing turned or was carried since.
-  bool sample_holds() const {
-    if (half_sample_) return false;
-    if (fresh_sample_) return true;
-    if (Q_at_sample_.size() != Q_.size() || removed_at_sample_ != gone_count_) return false;
-    const double still = 0.1 * options_.good_error;
-    for (std::size_t n = 0; n < Q_.size(); ++n)
-      if (!((Q_[n] - Q_at_sample_[n]).squaredNorm() < still * still)) return false;
-    return true;
-  }
-
   const TissueModel& model_;
   ComplianceOptions options_;
   std::shared_ptr<const ZoneStructure> structure_;
   WarpRotation turn_;
+  ZoneFactor factor_;
+  ZoneSample sample_;
   std::vector<int> wanted_zone_;
-  std::vector<int> ring_;
+  std::vector<int> halo_;
   std::vector<std::uint8_t> wanted_;
 
   std::unique_ptr<ZoneReference> reference_;
   std::unique_ptr<ZoneReference> retired_;  // freed by the next reference factor's maker, which has the time
-  FarFieldUpdates carried_;
-  std::vector<std::uint8_t> gone_;           // per tetrahedron
+  std::vector<std::uint8_t> gone_;          // per tetrahedron
   std::vector<std::uint8_t>
       stayed_orphan_;  // per node: its row of reference factor and terms is the identity's
-  int gone_count_ = 0;
+  int removed_count_ = 0;
   int removed_since_reference_ = 0;
   int carried_count_ = 0;
-  int left_behind_ = 0;
+  int not_carried_ = 0;
   int reference_age_ = 0;
 
   std::vector<Mat3> Q_;
   double largest_turn_ = 0;
   std::vector<std::uint8_t> in_system_;
-  DenseFactor factor_;  // of the fresh corner
-  VecX x_;
-  MatX g_;
-  MatX beyond_;  // zero between uses
-  VecX begun_;   // of `begin`: as first_half leaves it
-  MatX begun_g_;
-  bool is_begun_ = false;
+  ZoneFactor::Half half_;     // scratch
+  ZoneFactor::Half started_;  // of `start_solve`: its forward half
+  bool forward_solved_ = false;
   std::vector<int> places_;
-  PatchInverse patch_inverse_;
   bool updated_ = false;
-
-  int since_sample_ = std::numeric_limits<int>::max() / 2;  // updates
-  bool due_ = false;
-  bool fresh_sample_ = false;
-  std::optional<ResidualSample> half_sample_;
-  SampledError sampled_;
-  std::vector<Mat3> Q_at_sample_;
-  int removed_at_sample_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<Compliance> make_zone_compliance(const TissueModel& model, double h,
-                                                 const ComplianceOptions& options) {
+std::unique_ptr<ReferenceCompliance> make_zone_compliance(const TissueModel& model, double h,
+                                                          const ComplianceOptions& options) {
   if (!(h > 0)) throw std::invalid_argument("the time step must be positive");
-#ifdef HAPTICD_OPENBLAS
-  openblas_set_num_threads(1);
-#endif
   return std::make_unique<ZoneCompliance>(model, h, options);
 }
 

@@ -15,7 +15,7 @@ ZoneReference::ZoneReference(std::shared_ptr<const ZoneStructure> structure, std
                              int zone, const TissueState& state, bool quantised_copy,
                              std::unique_ptr<ZoneReference> retired)
     : structure_(std::move(structure)),
-      zone_and_ring_(std::move(zone_and_halo)),
+      zone_and_halo_(std::move(zone_and_halo)),
       zone_(zone),
       quantised_copy_(quantised_copy),
       retired_(std::move(retired)) {
@@ -39,10 +39,10 @@ void ZoneReference::make() {
   identity_scale_ = matrix.identity_scale();
   const std::vector<std::uint8_t> live = matrix.live_edges(state_);
   const std::vector<int> order =
-      zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_and_ring_);
+      zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_and_halo_);
   rest_ = matrix.node_count() - zone_size();
 
-  factor.set_order(matrix, order, live, static_cast<int>(zone_and_ring_.size()));
+  factor.set_order(matrix, order, live, static_cast<int>(zone_and_halo_.size()));
   factor.factor(matrix);
   place_.resize(order.size());
   for (int n = 0; n < matrix.node_count(); ++n) place_[n] = factor.place(n);

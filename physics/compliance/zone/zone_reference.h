@@ -18,7 +18,7 @@
 #include <span>
 #include <vector>
 
-#include "physics/compliance/compliance.h"
+#include "physics/compliance/reference_compliance.h"
 #include "physics/compliance/factor/node_order.h"
 #include "physics/compliance/system_matrix.h"
 #include "physics/compliance/zone/leading_columns.h"
@@ -46,7 +46,7 @@ class ZoneReference final : public ReferenceFactor {
 
   bool made() const noexcept { return made_; }
   std::span<const int> zone() const noexcept {
-    return {zone_and_ring_.data(), static_cast<std::size_t>(zone_)};
+    return {zone_and_halo_.data(), static_cast<std::size_t>(zone_)};
   }
   int zone_size() const noexcept { return zone_; }
   int place(int node) const noexcept { return place_[node]; }               // in the order
@@ -74,7 +74,7 @@ class ZoneReference final : public ReferenceFactor {
   void find_inside();
 
   std::shared_ptr<const ZoneStructure> structure_;
-  std::vector<int> zone_and_ring_;
+  std::vector<int> zone_and_halo_;
   int zone_;
   TissueState state_;
   bool quantised_copy_;

@@ -92,7 +92,7 @@ bool FactorStage::move_zone(const StepContext& c, int b, const Pose* X, std::spa
   // may not.
   if (!keeps_references_ && covered) return true;
   compliance.move_zone(zone.nodes);
-  compliance.move_halo(zone.halo);
+  if (ReferenceCompliance* references_of_body = c.bodies[b].references) references_of_body->move_halo(zone.halo);
   return covered;
 }
 
@@ -128,16 +128,17 @@ bool FactorStage::plausible(const StepContext& c, Body& body) const {
     if (slow && within(most_plausible)) return true;
     finish_free_motion(body, nullptr);
   }
-  return within(most_plausible) || body.compliance->disagreement(body.state, body.free.dx) < 1;
+  return within(most_plausible) || !body.references ||
+         body.references->disagreement(body.state, body.free.dx) < 1;
 }
 
 void FactorStage::make_reference(const StepContext& c, int b, StepReport& report) {
   Body& body = c.bodies[b];
   move_zone(c, b, c.motion.present() ? &c.motion.pose() : nullptr, c.patch.nodes_of(b), {});
-  std::unique_ptr<ReferenceFactor> reference = body.compliance->snapshot_reference(body.state);
-  if (!reference) return;
+  if (!body.references) return;
+  std::unique_ptr<ReferenceFactor> reference = body.references->snapshot_reference(body.state);
   reference->make();
-  body.compliance->adopt_reference(std::move(reference), body.state);
+  body.references->adopt_reference(std::move(reference), body.state);
   body.compliance->update(body.state);
   references.made_by_step(b);
   ++report.synchronous_references;

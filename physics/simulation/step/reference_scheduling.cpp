@@ -9,9 +9,9 @@ std::vector<ReferenceJob> ReferenceScheduling::wanted(Bodies& bodies) {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     ReferenceProgress& p = progress_[b];
     if (!bodies[b].deformable || !p.wanted || p.under_way || p.steps < rest_between_references) continue;
-    std::unique_ptr<ReferenceFactor> reference = bodies[b].compliance->snapshot_reference(bodies[b].state);
     p.wanted = false;
-    if (!reference) continue;
+    if (!bodies[b].references) continue;
+    std::unique_ptr<ReferenceFactor> reference = bodies[b].references->snapshot_reference(bodies[b].state);
     p.under_way = true;
     p.steps = 0;
     jobs.push_back({static_cast<int>(b), std::move(reference), false});
@@ -36,7 +36,7 @@ int ReferenceScheduling::take_over(Bodies& bodies) {
     p.last_steps = p.steps;
     p.steps = 0;
     if (std::exchange(p.outdated, false) || job.failed || !job.reference) continue;
-    body.compliance->adopt_reference(std::move(job.reference), body.state);
+    body.references->adopt_reference(std::move(job.reference), body.state);
     body.free.ahead = false;
     ++adopted;
   }

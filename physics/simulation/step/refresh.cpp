@@ -50,7 +50,10 @@ VecX motion_in_zone(Body& body, const NodeList& list, const VecX& force, const C
     for (std::size_t g = 0; g < change.changed.size(); ++g)
       f.segment<3>(3 * change.changed[g]) += of_change.segment<3>(static_cast<Eigen::Index>(3 * g));
   }
-  body.compliance->apply_in_zone(f, dx);
+  if (body.references)
+    body.references->apply_in_zone(f, dx);
+  else
+    body.compliance->apply(f, dx);
   return dx + body.free.dx;
 }
 

@@ -6,10 +6,12 @@
 #include <vector>
 
 #include <haptic/limits.h>
+#include <physics/compliance/blas_threads.h>
 #include <physics/compliance/compliance.h>
 
 int main() {
   using namespace hapticd;
+  use_one_blas_thread();
   constexpr double s = 0.01, young = 6000;
   TetMesh mesh;
   mesh.nodes = {{0, 0, 0}, {s, 0, 0}, {0, s, 0}, {0, 0, s}};

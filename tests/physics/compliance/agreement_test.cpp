@@ -183,10 +183,11 @@ TEST_P(EveryMethod, StaysExactForAThousandRemovalsAtThePapersSize) {
     if (k % 50 != 0) continue;
     compliance->update(state);
     if (compliance->report().health == ComplianceHealth::good) continue;
-    std::unique_ptr<ReferenceFactor> factor = compliance->snapshot_reference(state);
-    ASSERT_TRUE(factor);
-    factor->make();
-    compliance->adopt_reference(std::move(factor), state);
+    ReferenceCompliance* const references = as_reference_compliance(compliance.get());
+    ASSERT_TRUE(references);
+    std::unique_ptr<ReferenceFactor> made = references->snapshot_reference(state);
+    made->make();
+    references->adopt_reference(std::move(made), state);
   }
   compliance->update(state);
   const auto fresh = make_compliance(ComplianceMethod::exact, model, h);
@@ -251,12 +252,13 @@ TEST_P(EveryMethod, ABaseMadeElsewhereTakesOverWithTheRemovalsSince) {
     compliance->update(state);
   };
   take_out(0, 20);
-  std::unique_ptr<ReferenceFactor> factor = compliance->snapshot_reference(state);
-  if (!factor) GTEST_SKIP() << "keeps no reference factor";
+  ReferenceCompliance* const references = as_reference_compliance(compliance.get());
+  if (!references) GTEST_SKIP() << "keeps no reference factor";
+  std::unique_ptr<ReferenceFactor> made = references->snapshot_reference(state);
   take_out(20, 20);
-  factor->make();
+  made->make();
   take_out(40, 20);
-  compliance->adopt_reference(std::move(factor), state);
+  references->adopt_reference(std::move(made), state);
   compliance->update(state);
   const MatX C = reference(model, state);
   EXPECT_LT(patch_error(*compliance, C, zone), 1e-10);

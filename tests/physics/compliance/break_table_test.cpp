@@ -74,9 +74,10 @@ TEST_P(BreakTable, RightOrSaysSo) {
       try {
         compliance[m]->update(state);
         if (!methods[m].new_reference || compliance[m]->report().health == ComplianceHealth::good) continue;
-        std::unique_ptr<ReferenceFactor> reference = compliance[m]->snapshot_reference(state);
+        ReferenceCompliance* const references = as_reference_compliance(compliance[m].get());
+        std::unique_ptr<ReferenceFactor> reference = references->snapshot_reference(state);
         reference->make();
-        compliance[m]->adopt_reference(std::move(reference), state);
+        references->adopt_reference(std::move(reference), state);
         compliance[m]->update(state);
       } catch (const std::runtime_error&) {
         failed[m] = true;  // a clear status of its own

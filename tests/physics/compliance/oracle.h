@@ -7,7 +7,7 @@
 #include <numeric>
 #include <random>
 
-#include "physics/compliance/compliance.h"
+#include "physics/compliance/reference_compliance.h"
 #include "physics/compliance/system_matrix.h"
 #include "tests/physics/tissue/random_shapes.h"
 #include "tests/support/mesh_shapes.h"

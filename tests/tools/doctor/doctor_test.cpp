@@ -38,6 +38,13 @@ TEST(Doctor, EveryMachineCheckThatDoesNotPassHasAFix) {
   }
 }
 
+TEST(Doctor, TheProgramUsesOneBlasThreadWhateverTheEnvironmentSays) {
+  const CommandResult doctor = run_command("OPENBLAS_NUM_THREADS=2 " BIN_DIR "/haptic doctor");
+#ifdef HAPTICD_OPENBLAS
+  EXPECT_NE(doctor.output.find(", 1 thread\n"), std::string::npos) << doctor.output;
+#endif
+}
+
 TEST(Doctor, ReadsUntilWhenPermissionsHold) {
   EXPECT_NEAR(*days_left_of_permissions(
                   "<not_before>2000-01-01T00:00:00</not_before><not_after>2000-01-02T00:00:00</not_after>"),

@@ -33,6 +33,7 @@ class Run {
   Run(const TissueModel& model, const ChartMethod& method, const ChartSettings& settings)
       : model_(model), method_(method), settings_(settings), state_(rest_state(model)) {
     compliance_ = make_compliance(method.method, model, settings.h, method.options);
+    references_ = as_reference_compliance(compliance_.get());
   }
 
   void start(const Vec3& tip) {
@@ -70,12 +71,12 @@ class Run {
     if (covered && carried_ < most_carried) return 0;
     move_zone(tip);
     if (!method_.keeps_reference) return 0;
-    std::unique_ptr<ReferenceFactor> base = compliance_->snapshot_reference(state_);
+    std::unique_ptr<ReferenceFactor> base = references_->snapshot_reference(state_);
     auto begin = Clock::now();
     base->make();
     reference_ms_.push_back(1e-3 * us_since(begin));
     begin = Clock::now();
-    compliance_->adopt_reference(std::move(base), state_);
+    references_->adopt_reference(std::move(base), state_);
     adopt_us_.push_back(us_since(begin));
     carried_ = 0;
     return adopt_us_.back();
@@ -121,6 +122,7 @@ class Run {
   const ChartSettings& settings_;
   TissueState state_;
   std::unique_ptr<Compliance> compliance_;
+  ReferenceCompliance* references_ = nullptr;  // the same; null: it keeps no reference factor
   std::vector<std::uint8_t> in_zone_;
   int carried_ = 0;
   std::vector<double> reference_ms_, adopt_us_;

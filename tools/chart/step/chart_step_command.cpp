@@ -194,7 +194,6 @@ int chart(Options options) {
     if (factor) {
       show(factor_s, 0, "factor");
       const TissueModel model = read_lens(options.lens);
-      make_exact_compliance(model, 0.02);  // sets OpenBLAS to one thread
       f = chart_factor(model, options.zone, options.repeats);
       done += factor_s;
     }

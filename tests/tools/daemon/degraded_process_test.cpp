@@ -1,0 +1,46 @@
+#include <fstream>
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "tests/tools/daemon/watchdog_fixture.h"
+
+namespace hapticd {
+namespace {
+
+using namespace watchdog;
+
+// Without the privileges it asks for, the daemon works, says what is missing, and says so to every client.
+TEST(Degraded, WithoutPrivilegesTheDaemonAnnouncesItAndAnswers) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root has privileges to do without";
+  const Domain domain(test_domain(), read_dds_profile("loopback"));
+  const Participant participant(domain);
+  const ScratchDirectory scratch;
+  const std::string log = scratch.file("daemon.log");
+  Child daemon(
+      {.command = {"setpriv", "--bounding-set", "-sys_nice,-ipc_lock,-sys_resource", "prlimit",
+                   "--memlock=65536", "--rtprio=0", BIN_DIR "/hapticd",
+                   SOURCE_DIR "/config/scenes/cube/cube.yaml", "--domain", std::to_string(domain.id())},
+       .output = log});
+  ScriptedClient client(participant);
+  ASSERT_TRUE(client.await(patience_ms, [](const Force&) { return true; }));
+  client.enable(true);
+  client.move_to(touching_z, 300);
+  EXPECT_TRUE(client.await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+  Reader<hapticd_msg_ServerStatus> status(participant);
+  std::string refused;
+  for (int i = 0; i < 3000 && refused.empty(); ++i) {
+    usleep(1000);
+    status.take_each(
+        [&](const hapticd_msg_ServerStatus& m, const dds_sample_info_t&) { refused = m.refused; });
+  }
+  EXPECT_NE(refused.find("SCHED_FIFO"), std::string::npos) << refused;
+  EXPECT_NE(refused.find("mlockall"), std::string::npos) << refused;
+  std::ifstream in(log);
+  const std::string text{std::istreambuf_iterator<char>(in), {}};
+  EXPECT_NE(text.find("not granted: SCHED_FIFO"), std::string::npos) << text;
+  EXPECT_NE(text.find("degraded"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace hapticd
