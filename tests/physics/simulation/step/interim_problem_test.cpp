@@ -1,0 +1,189 @@
+// Worlds that publish an interim problem, and refresh it: of the surface that is left, and of nothing else.
+#include "physics/simulation/step/interim_problem.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "physics/simulation/world.h"
+#include "tests/support/mesh_shapes.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double h = 0.02;
+
+BodySettings soft_block(int n, bool corotational) {
+  BodySettings b{"block", true, box_mesh(Vec3(0.02, 0.02, 0.02), n, n, n), {5000, 0.4, 1000, 5, 0.002}, {},
+                 0.2,     true};
+  b.fixed_nodes = b.mesh.group("bottom")->nodes;
+  b.corotational = corotational;
+  return b;
+}
+
+class PressedWorld : public testing::Test {
+ protected:
+  static InstrumentSample sample() { return {{Vec3(0.01, 0.01, 0.0215), Quat::Identity()}, true}; }
+
+  static std::unique_ptr<World> world(bool corotational, const BodySettings* second = nullptr) {
+    WorldSettings s;
+    s.h = h;
+    s.alarm_distance = 3e-3;
+    s.sample_spacing = 1e-3;
+    s.coupling = {500, 0.05, 0};
+    s.lead = 0.9 * h;
+    Instrument instrument;
+    Primitive tip;
+    tip.shape = Shape::sphere;
+    tip.radius = 3e-3;
+    instrument.primitives = {tip};
+    std::vector<BodySettings> bodies;
+    bodies.push_back(soft_block(6, corotational));
+    bodies[0].friction = 0;
+    if (second) bodies.push_back(*second);
+    return std::make_unique<World>(std::move(bodies), instrument, s);
+  }
+
+  // The six nearest to the tip.
+  static std::vector<int> under_tip(const World& w) {
+    const Body& body = w.bodies()[0];
+    std::vector<std::pair<double, int>> all;
+    for (int t = 0; t < body.model.tet_count(); ++t) {
+      Vec3 c = Vec3::Zero();
+      for (const int n : body.model.mesh.tets[t]) c += 0.25 * body.state.x[n];
+      all.emplace_back((c - sample().pose.p).norm(), t);
+    }
+    std::sort(all.begin(), all.end());
+    std::vector<int> nearest;
+    for (int k = 0; k < 6; ++k) nearest.push_back(all[k].second);
+    return nearest;
+  }
+
+  std::unique_ptr<CondensedProblem> first = std::make_unique<CondensedProblem>(),
+                                    second = std::make_unique<CondensedProblem>();
+  int published = 0;
+
+  StepReport step(World& w) {
+    return w.step([] { return sample(); }, *first,
+                  [&]() -> CondensedProblem& {
+                    ++published;
+                    return *second;
+                  });
+  }
+};
+
+TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
+  for (const bool corotational : {false, true}) {
+    const auto w = world(corotational);
+    published = 0;
+    StepReport report;
+    for (int i = 0; i < 40; ++i) report = step(*w);
+    EXPECT_EQ(published, 0);
+    EXPECT_FALSE(report.interim);
+    const Vec3 before = report.contact.wrench.head<3>();
+    EXPECT_GT(before.z(), 1e-3);
+    const std::uint64_t last = first->step;
+
+    const std::vector<int> gone = under_tip(*w);
+    w->schedule_removal(0, gone);
+    report = step(*w);
+    EXPECT_EQ(published, 1);
+    EXPECT_TRUE(report.interim);
+    EXPECT_EQ(first->step, last + 1);
+    EXPECT_EQ(second->step, last + 2);
+    EXPECT_TRUE(first->topology_changed);
+    EXPECT_FALSE(second->topology_changed) << "since the interim problem nothing went";
+    ASSERT_GT(first->samples, 0);
+    ASSERT_EQ(first->samples, second->samples);
+    for (int k = 0; k < first->samples; ++k) {
+      const auto tet =
+          static_cast<int>(first->sample[k].id >> 14);  // a face is 4 tet + side, a sample 4096 of it
+      EXPECT_EQ(std::count(gone.begin(), gone.end(), tet), 0);
+      EXPECT_EQ(first->sample[k].id, second->sample[k].id);
+    }
+    // The step's own solve is of the same system at the same pose, linearised where the body is.
+    ContactState state;
+    const auto scratch = std::make_unique<ContactScratch>();
+    ContactOptions options;
+    options.linearisations = 8;
+    options.margin = contact_margin * 3e-3;
+    const Vec3 interim =
+        solve_contact(*first, w->instrument(), sample().pose, h, options, state, *scratch).wrench.head<3>();
+    const Vec3 own = report.contact.wrench.head<3>();
+    EXPECT_LT((interim - own).norm(), (corotational ? 1e-2 : 1e-3) * own.norm());
+    EXPECT_GT((before - own).norm(), 0.05 * before.norm()) << "it was worth an interim problem";
+    EXPECT_FALSE(step(*w).interim);
+  }
+}
+
+// The tip presses two blocks, which stand in one another as bodies without a pair may; one of them loses
+// elements.
+TEST_F(PressedWorld, WhatAnotherBodyLosesLeavesAPressedBodysProblemAlone) {
+  BodySettings other = soft_block(9, true);  // so fine that Eigen takes its products in blocks
+  other.name = "other";
+  other.removable = false;
+  other.material.rayleigh_stiffness = 0;  // or its x_free would be moved with x_now
+  for (Vec3& x : other.mesh.nodes) x.x() += 0.012;
+  const auto w = world(true, &other);
+  for (int i = 0; i < 40; ++i) step(*w);
+  const auto before = std::make_unique<CondensedProblem>(*first);
+  w->schedule_removal(0, under_tip(*w));
+  ASSERT_TRUE(step(*w).interim);
+
+  // Its samples by name, and through them its nodes in both problems.
+  std::vector<std::pair<int, int>> node;  // in the problem before, in the interim one
+  for (int k = 0; k < before->samples; ++k)
+    for (int j = 0; j < first->samples; ++j)
+      if (before->sample[k].id >> 56 == 1 && before->sample[k].id == first->sample[j].id)
+        for (int c = 0; c < 3; ++c) node.emplace_back(before->sample[k].node[c], first->sample[j].node[c]);
+  ASSERT_GE(node.size(), 9u);
+  double most = 0;
+  for (const auto& [i, m] : node) {
+    EXPECT_LT((before->x_free[i] - first->x_free[m]).norm(), 1e-12);
+    for (const auto& [j, n] : node) {
+      const Mat3 C = before->C().block<3, 3>(3 * i, 3 * j);
+      most = std::max(most, C.norm());
+      EXPECT_LT((C - first->C().block<3, 3>(3 * m, 3 * n)).norm(), 1e-10 * most);
+    }
+  }
+  EXPECT_GT(most, 0);
+}
+
+// The tip goes on sideways after the step in which elements went.
+TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
+  const auto w = world(true);
+  for (int i = 0; i < 40; ++i) step(*w);
+  const auto refreshed = std::make_unique<CondensedProblem>();
+  InstrumentSample moved = sample();
+  moved.pose.p += Vec3(0.5e-3, 0, -0.5e-3);
+  EXPECT_FALSE(w->refresh(moved, *refreshed)) << "nothing went";
+  w->schedule_removal(0, under_tip(*w));
+  step(*w);
+  ASSERT_TRUE(w->refresh(moved, *refreshed));
+  EXPECT_EQ(refreshed->step, second->step + 1);
+  EXPECT_FALSE(refreshed->topology_changed);
+  ASSERT_EQ(refreshed->nodes, second->nodes);
+  ASSERT_EQ(refreshed->samples, second->samples);
+  for (int n = 0; n < refreshed->nodes; ++n) EXPECT_EQ(refreshed->x_now[n], second->x_now[n]);
+
+  // Newton's method: what is left to change is little.
+  const auto force = [&](const CondensedProblem& problem) {
+    ContactState state;
+    const auto scratch = std::make_unique<ContactScratch>();
+    ContactOptions options;
+    options.linearisations = 8;
+    options.margin = contact_margin * 3e-3;
+    return Vec3(
+        solve_contact(problem, w->instrument(), moved.pose, h, options, state, *scratch).wrench.head<3>());
+  };
+  const Vec3 once = force(*refreshed);
+  const double change = (once - force(*second)).norm();
+  EXPECT_GT(change, 1e-3 * once.norm());
+  ASSERT_TRUE(w->refresh(moved, *refreshed));
+  EXPECT_LT((force(*refreshed) - once).norm(), 0.2 * change);
+}
+
+}  // namespace
+}  // namespace hapticd
