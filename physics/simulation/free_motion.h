@@ -20,7 +20,7 @@ struct Body;
 struct FreeMotion {
   VecX dx;                      // Δx_free [m]
   bool in_halves = false;       // the compliance solves in halves …
-  bool forward_solved = false;  // … and only the first is done: dx is right where the halves cover
+  bool forward_solved = false;  // … and only the first is done: dx is right where `forward_covers`
   VecX offset;                  // what the second half gives is added to this [m]; empty: to nothing
   bool ahead = false;           // factor and dx are those of the step to come (predicted_linearisation.h)
   VecX predicted;               // Δx_p that linearise_ahead was last given [m]
@@ -41,10 +41,10 @@ void compute_free_motion(Body& body, double h);
 void begin_free_motion(Body& body, const VecX& b, const VecX* from);
 
 // Δx_free + C f everywhere, f on the patch's nodes (may be null): one half of a solve where the other is
-// done. f may be where the halves do not cover only if Δx_free is known everywhere.
+// done. f may be where the forward half does not reach only if Δx_free is known everywhere.
 void finish_free_motion(Body& body, const VecX* f);
 
-// The free motion of these nodes is to be known: of all, if the halves do not cover these.
+// The free motion of these nodes is to be known: of all, if the forward half does not reach these.
 void know_free_motion(Body& body, std::span<const int> nodes);
 
 // The rotations of the corrected state, then the free motion there. A tetrahedron that turned by more than

@@ -92,7 +92,7 @@ bool FactorStage::move_zone(const StepContext& c, int b, const Pose* X, std::spa
   // may not.
   if (!keeps_references_ && covered) return true;
   compliance.move_zone(zone.nodes);
-  if (ReferenceCompliance* references_of_body = c.bodies[b].references) references_of_body->move_halo(zone.halo);
+  if (c.bodies[b].references) c.bodies[b].references->move_halo(zone.halo);
   return covered;
 }
 
