@@ -6,6 +6,7 @@
 #include <memory>
 #include <numeric>
 
+#include "physics/compliance/reference_compliance.h"
 #include "physics/compliance/system_matrix.h"
 #include "tools/cli/report.h"
 
