@@ -1,6 +1,7 @@
 #include "server/scene/scene_reader.h"
 
 #include <algorithm>
+#include <tuple>
 
 #include "server/files/paths.h"
 #include "server/record/trajectory_reader.h"
@@ -9,6 +10,8 @@
 
 namespace hapticd {
 namespace {
+
+constexpr std::size_t most_viscous_bodies = std::tuple_size_v<decltype(ViscousOptions::relaxation)>;
 
 constexpr NumberRange rate{1, 500, false, false, "simulation steps per second; 50 is usual"};
 constexpr NumberRange accuracy{0, 1, true, false,
@@ -167,6 +170,12 @@ Scene read_scene(const std::filesystem::path& file, const std::string& device) {
     for (const SceneBody& other : scene.bodies)
       if (other.name == body.name)
         throw entry.error("name", "'" + body.name + "' is another body's name already");
+    if (scene.bodies.size() >= most_viscous_bodies && body.kind == BodyKind::deformable &&
+        body.material.rayleigh_stiffness > 0)
+      throw entry.error("material",
+                        "the haptic loop knows the viscosity of the first " +
+                            std::to_string(most_viscous_bodies) +
+                            " bodies only: name this body earlier, or give it no rayleigh stiffness");
     scene.bodies.push_back(std::move(body));
   }
   if (yaml.has("contacts"))

@@ -16,6 +16,7 @@ struct Outcome {
   long allocations = -1, frees = -1;
   double peak = 0;           // [N]
   std::uint32_t status = 0;  // every bit that was set on the way
+  bool viscous = false;      // the last tick's problem was the one with viscosity at 1 kHz
 };
 
 // A stroke through a soft sheet with everything that can happen to it on the way.
@@ -77,6 +78,90 @@ TEST(Allocation, HapticStepAllocatesNothingWhateverHappens) {
                                    status_conflict | status_blending;
       EXPECT_EQ(o.status & passed, passed);
     }
+}
+
+// The options that the daemon runs with (server/scene/scene_world.cpp): viscosity, margin, budget of sweeps.
+HapticOptions daemon_options(Renewal renewal, double alarm_distance, double lag) {
+  HapticOptions options;
+  options.contact.linearisations = 2;
+  options.contact.margin = renewal == Renewal::frozen ? 0 : 0.15 * alarm_distance;
+  options.contact.coulomb.max_sweeps = 50;
+  options.viscous.step = 0.02;
+  options.viscous.relaxation[0] = 2e-3;
+  options.viscous.lag = lag;
+  options.passivity_control = true;
+  return options;
+}
+
+// Every 20 ticks a step publishes; of three steps one removes something: its interim problem comes 2 ticks
+// later without some samples, and its refreshes 6 and 12 ticks later with another compliance and free motion.
+Outcome stroke_of_the_daemon(double friction, Renewal renewal, double lag) {
+  Random random(12);
+  SheetSettings sheet;
+  sheet.friction = friction;
+  const std::unique_ptr<CondensedProblem> whole = sheet_problem(random, sheet),
+                                          cut = sheet_problem(random, sheet);
+  cut->samples -= 8;
+  for (CondensedProblem* p : {whole.get(), cut.get()}) {
+    p->renewal = renewal;
+    p->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+  }
+  const Instrument instrument = sphere_instrument(1e-3);
+  DeviceSettings device;
+  device.max_force = 0.05;
+  device.max_torque = 0.01;
+  device.max_force_rate = 1e3;
+  device.max_speed = 1;
+  const HapticOptions options = daemon_options(renewal, whole->alarm_distance, lag);
+  const auto state = std::make_unique<HapticState>();
+
+  HapticInput input;
+  input.presence.connected = true;
+  std::uint64_t step = 0;
+  const CondensedProblem* newest = whole.get();
+  Outcome out;
+  const MallocGuard guard;
+  for (int i = 1; i <= 1500; ++i) {
+    const bool removing = i / 20 % 3 == 1;
+    const int after = i % 20;
+    if (after == 0 || (removing && (after == 2 || after == 6 || after == 12))) {
+      CondensedProblem& next = removing && after > 0 ? *cut : *whole;
+      next.step = ++step;
+      next.topology_changed = removing && after == 2;
+      next.published_ns = (1000 + i) * ms;
+      for (int n = 0; n < next.nodes; ++n) next.x_free[n].z() += after == 6 ? 1e-6 : after == 12 ? -1e-6 : 0;
+      next.C() *= after == 6 ? 1.01 : after == 12 ? 1 / 1.01 : 1;
+      newest = &next;
+    }
+    input.now_ns = (1000 + i) * ms + i % 7 * (ms / 10);
+    input.period_ns = i % 5 == 0 ? ms + ms / 5 : 0;  // some ticks come late
+    input.presence.new_client = i == 1;
+    input.taken = true;
+    input.sample.sequence = static_cast<std::uint64_t>(i);
+    input.sample.received_ns = input.now_ns;
+    input.sample.enable = true;
+    input.sample.pose.p = Vec3(1e-3 * std::sin(0.01 * i), 0, 0.9e-3 - 0.3e-3 * std::sin(0.02 * i));
+    const ForceSample f = haptic_step(newest, instrument, device, options, input, *state);
+    out.peak = std::max(out.peak, f.force.norm());
+    out.status |= f.status;
+  }
+  out.allocations = guard.allocations();
+  out.frees = guard.frees();
+  out.viscous = state->patch.step == newest->step;
+  return out;
+}
+
+TEST(Allocation, HapticStepAllocatesNothingUnderTheDaemonsOwnOptions) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  for (const double friction : {0.0, 0.4})
+    for (const Renewal renewal : {Renewal::renewed, Renewal::frozen})
+      for (const double lag : {0.0, 0.15e-3}) {
+        const Outcome o = stroke_of_the_daemon(friction, renewal, lag);
+        EXPECT_EQ(o.allocations, 0);
+        EXPECT_EQ(o.frees, 0);
+        EXPECT_GT(o.peak, 1e-3);
+        EXPECT_EQ(o.viscous, renewal == Renewal::renewed);
+      }
 }
 
 TEST(Allocation, ChannelQueueAndHistogramAllocateNothing) {

@@ -24,7 +24,7 @@ namespace hapticd {
 // Which tetrahedra go when: the same for every configuration and for the reference.
 struct RemovalEvent {
   double t = 0;  // for a reference they are gone in the first step that begins then or later; a simulation
-                 // step takes what goes until its begin + removal_lead (world.h) [s]
+                 // step takes what goes until its begin + removal_lead (world_settings.h) [s]
   int body = 0;
   std::vector<int> tets;
 };

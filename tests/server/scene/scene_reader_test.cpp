@@ -11,6 +11,7 @@
 #include "server/files/paths.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_describe.h"
+#include "server/scene/scene_world.h"
 
 namespace hapticd {
 namespace {
@@ -124,6 +125,31 @@ TEST_F(SceneFile, GoodSceneIsRead) {
   EXPECT_EQ(scene.device_name, "Touch");
   EXPECT_EQ(felt_stiffness(scene), 100);
   EXPECT_EQ(read(good_scene, "falcon").device.max_force, 8);
+}
+
+// Of the seventeenth body on, haptic_options would leave it out without a word.
+TEST_F(SceneFile, ABodyWhoseViscosityWouldNotBeFeltIsRefused) {
+  const auto scene = [&](int others, const std::string& stiffness) {
+    std::string bodies;
+    for (int i = 0; i < others; ++i)
+      bodies += "  - name: wall" + std::to_string(i) + "\n    kind: rigid\n    mesh: tiny_41_ascii.msh\n";
+    bodies +=
+        "  - name: last\n    kind: deformable\n    mesh: tiny_41_ascii.msh\n    fixed: bottom\n    "
+        "material:\n";
+    bodies += "      {young: 3000, poisson: 0.45, density: 1000, rayleigh: {stiffness: " + stiffness + "}}\n";
+    return with(good_scene, "instrument:\n", bodies + "instrument:\n");
+  };
+  const Scene sixteen = read(scene(14, "1e-3"));
+  ASSERT_EQ(sixteen.bodies.size(), 16u);
+  EXPECT_EQ(haptic_options(sixteen).viscous.relaxation.back(), 1e-3);
+  EXPECT_EQ(read(scene(15, "0")).bodies.size(), 17u);
+  try {
+    read(scene(15, "1e-3"));
+    ADD_FAILURE() << "was accepted";
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.key(), "bodies[16].material");
+    EXPECT_NE(std::string(e.what()).find("first 16 bodies"), std::string::npos) << e.what();
+  }
 }
 
 TEST_F(SceneFile, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
