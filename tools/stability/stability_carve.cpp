@@ -23,6 +23,7 @@ constexpr double jerk_peak = 1.875;      // of a minimum-jerk way, over its mean
 constexpr double equator = 4.3e-3;       // how far out sweeps go [m]
 constexpr double clear = -0.5e-3;        // depth between strokes [m]
 constexpr double energy_allowed = 1e-6;  // gained or made, over the largest energy that a piece had
+constexpr int looked_at = 15;            // ticks after a step has begun: it has ended, and no other has begun
 constexpr double small_energy = 1e-15;   // round-off of a piece at rest [J]
 
 struct Waypoint {
@@ -278,9 +279,9 @@ class Episode {
     if (((answer.status | last_.status) & at_once) == 0 && step > most * (1 + 1e-9))
       return said("force changed by", step, most, "N in a tick");
     last_ = answer;
-    if (daemon_.world().steps() == steps_) return std::nullopt;
+    if (daemon_.world().steps() != steps_) ticks_of_step_ = 0;
     steps_ = daemon_.world().steps();
-    return look();
+    return ++ticks_of_step_ == looked_at ? look() : std::nullopt;
   }
 
   std::optional<std::string> look() {
@@ -315,6 +316,7 @@ class Episode {
   TissueWatch watch_;
   ForceSample last_;
   std::uint64_t steps_ = 0;
+  int ticks_of_step_ = 0;
   double energy_ = 0;  // of a free piece, largest so far [J]
 };
 

@@ -14,8 +14,8 @@
 // Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where Newton stalls, shifted
 // too, on an LU with pivots 1e5 apart, ε is raised for this solve and the next 20, twice as many if it is
 // needed again; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more turn
-// with the budgets again. What it adds is counted from the warm start where the solve begins with it, and is
-// taken off.
+// with the budgets again. What it adds is taken off. It is not counted from the warm start: what is solved would
+// then depend on the solve before, and a held pose's force would wander.
 //
 // Deadline: looked at after every sweep and before every LU, whose cost is predicted from the last ones.
 // Newton ends in time for two sweeps from wherever its steps are, also those taken without asking: sums of
@@ -65,11 +65,7 @@ CoulombSolve::CoulombSolve(CoulombSystem& system, Eigen::Ref<VecX> lambda, Coulo
 
 void CoulombSolve::run() noexcept {
   if (ws_.raised > 0) {
-    // What the raised diagonal adds is counted from the warm start: so it adds little.
     --ws_.raised;
-    keep_in_cones(lambda_.data());
-    std::copy_n(lambda_.data(), rows_, ws_.anchor.data());
-    s_.anchor = ws_.anchor.data();
     begin(options_.raised_diagonal);
   } else {
     begin(options_.relative_diagonal);

@@ -214,7 +214,7 @@ TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
   VirtualDaemonSettings settings;
   settings.before = [&](StepAction action, std::int64_t ns) { seen.emplace_back(action, ns - 1000 * ms); };
   VirtualDaemon daemon(make_world(scene), scene.rate, scene.device, haptic_options(scene), settings);
-  const auto tick = [&, k = 0](int milliseconds) mutable {
+  auto tick = [&, k = 0](int milliseconds) mutable {
     for (int i = 0; i < milliseconds; ++i, ++k) {
       HapticInput input;
       input.now_ns = (1000 + k) * ms;
