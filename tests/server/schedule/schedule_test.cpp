@@ -77,7 +77,7 @@ struct LiveRun {
   std::uint64_t ticks = 0, lost = 0, interims = 0, refreshes = 0, references = 0;
 };
 
-LiveRun run_live(const Scene& scene, const std::filesystem::path& file, int milliseconds) {
+LiveRun run_live(const Scene& scene, const std::filesystem::path& file) {
   PartTimes times(monotonic_ns);
   const std::unique_ptr<World> world = make_world(scene);
   Channel<InstrumentInput> instrument;
@@ -97,11 +97,17 @@ LiveRun run_live(const Scene& scene, const std::filesystem::path& file, int mill
   recorder.start();
   simulation.start();
   haptic.start();
-  std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds / 2));
+  // Until something was cut, however little of the machine this test gets.
+  const auto wait_for_ticks = [&](std::uint64_t ticks, std::uint64_t removed) {
+    for (int i = 0;
+         i < 4000 && (haptic.statistics().run < ticks || simulation.statistics().removed < removed); ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  };
+  wait_for_ticks(200, 0);
   tunings.back() = tuning_of(scene.device);
   tunings.back().force_scale *= 0.8;
   tunings.publish();
-  std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds / 2));
+  wait_for_ticks(700, 3);
   haptic.stop();
   simulation.stop();
   recorder.stop();
@@ -113,7 +119,7 @@ LiveRun run_live(const Scene& scene, const std::filesystem::path& file, int mill
 
 void expect_the_same(Scene scene) {
   const TemporaryFile file("schedule_test");
-  const LiveRun live = run_live(scene, file.path(), 1000);
+  const LiveRun live = run_live(scene, file.path());
   const Schedule schedule = read_schedule(file.path());
   EXPECT_TRUE(schedule.complete);
   ASSERT_EQ(live.lost, 0u);
@@ -210,6 +216,7 @@ TEST(Schedule, AFileThatIsNoneOrAnotherScenesIsRefusedByName) {
 // A step in contact that removes something: what happens when, by the default timing.
 TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
   Scene scene = cube();
+  scene.removal.rate = 100;
   std::vector<std::pair<StepAction, std::int64_t>> seen;
   VirtualDaemonSettings settings;
   settings.before = [&](StepAction action, std::int64_t ns) { seen.emplace_back(action, ns - 1000 * ms); };
@@ -224,6 +231,7 @@ TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
       input.sample.received_ns = input.now_ns;
       input.sample.enable = true;
       input.sample.pose = to_device(scene.device, {Vec3(10e-3, 10e-3, 22.2e-3), Quat::Identity()});
+      input.sample.buttons = k >= 40 ? pedal_phaco : 0u;
       daemon.tick(input);
     }
   };
@@ -233,7 +241,6 @@ TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
   EXPECT_EQ(seen, (Seen{{A::begin, 0}, {A::factor, 0}, {A::finish, 1 * ms}, {A::publish, 10 * ms}}));
   tick(20);
   seen.clear();
-  daemon.schedule_removal(0, {0, 1, 2});
   tick(20);
   ASSERT_GE(seen.size(), 5u);
   seen.resize(7, {A::begin, -1});
