@@ -44,7 +44,8 @@ StabilityPlan plan_fast_stroke(StabilityBench& bench, bool quick) {
   plan.limit = 10;
   plan.reason = "0.5 m/s: a quick hand, twice what the alarm distance was chosen for";
   plan.required = 0.5;
-  plan.values = quick ? std::vector<double>{0.5, 4} : geometric(0.125, 8, std::numbers::sqrt2);
+  plan.values =
+      quick ? std::vector<double>{0.5, 2 * std::numbers::sqrt2} : geometric(0.125, 8, std::numbers::sqrt2);
   const auto run = [&bench](double speed, Renewal contact) {
     ClosedLoopSettings s = bench.press();
     s.press.start = Vec3(0, 0, 83e-3);
