@@ -11,7 +11,6 @@
 #include "server/files/paths.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_describe.h"
-#include "server/scene/scene_world.h"
 
 namespace hapticd {
 namespace {
@@ -141,7 +140,7 @@ TEST_F(SceneFile, ABodyWhoseViscosityWouldNotBeFeltIsRefused) {
   };
   const Scene sixteen = read(scene(14, "1e-3"));
   ASSERT_EQ(sixteen.bodies.size(), 16u);
-  EXPECT_EQ(haptic_options(sixteen).viscous.relaxation.back(), 1e-3);
+  EXPECT_EQ(sixteen.bodies[15].material.rayleigh_stiffness, 1e-3);
   EXPECT_EQ(read(scene(15, "0")).bodies.size(), 17u);
   try {
     read(scene(15, "1e-3"));
