@@ -1,3 +1,17 @@
+// Coupling: it enters W as J K_eff⁻¹ Jᵀ, and the free instrument pose is X_device ⊖ K_eff⁻¹ (B/T) e_prev. Virtual
+// work fixes the wrench's sign.
+//
+// Missed contacts: what no row holds may spring through the instrument, where normals point out on its wrong side.
+// So a solve that leaves a sample deeper than `margin`, or one that was nearer than `margin` at all inside, is
+// repeated at its own linearisation with that sample's rows.
+//
+// Sticking is judged by slip, ‖δ_t‖ ≤ 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that
+// adds up until it shows. An anchor that stays keeps holding still from creeping.
+//
+// Resumed solves: where one with friction ends at a cap or its deadline, Newton's unfinished steps may be anything,
+// and it would end there again in the next tick. So until turns alone solve one, or 200 were usable, solves have one
+// linearisation and take turns of what nears the solution from wherever it starts: normal forces for the friction
+// there is (lcp.h), then sweeps; with time left, the whole solver. What they reach is remembered, usable or not.
 #include "physics/contact/contact_solve.h"
 
 #include <algorithm>

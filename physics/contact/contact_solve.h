@@ -2,33 +2,19 @@
 //
 //   repeat `linearisations` times:
 //     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
+//   virtual coupling, massless proxy, e = X_device ⊖ X_instrument:  K e + B (e − e_prev)/T + Jᵀλ = 0,
+//     K_eff = K + B/T;  a stiffness of zero means held rigidly (K⁻¹ = 0, no lag)
+//   wrench on the device = Jᵀ λ,  J = ∂δ/∂twist of the instrument (DESIGN writes −Jᵀλ for the opposite J)
 //
-// The first linearisation is at the last solve's forces and coupling offset, found again by sample id; where
-// none is known, or a sample is gone, at x_now (rows.h). What no row holds may spring through the instrument,
-// where normals point out on its wrong side: a solve that leaves a sample deeper than `margin`, or at all
-// inside of those that were nearer than `margin`, is repeated at its own linearisation, with the samples that
-// it let through as rows too, at most three times.
-// Virtual coupling with a massless proxy: e = X_device ⊖ X_instrument,
-//   K e + B (e − e_prev)/T + Jᵀλ = 0  ⇒  e = K_eff⁻¹ (B/T e_prev − Jᵀ λ),  K_eff = K + B/T,
-// so the coupling enters W as J K_eff⁻¹ Jᵀ and the free instrument pose is X_device ⊖ K_eff⁻¹ (B/T) e_prev.
-// Wrench on the device = Jᵀ λ (N, N·m; J = ∂δ/∂twist of the instrument, so virtual work fixes the
-// sign; DESIGN writes −Jᵀλ for the opposite J).
-// A stiffness of zero means held rigidly (K⁻¹ = 0, no lag), in translation or rotation.
-// Renewal::frozen: rows are built once at problem.X_ref and x_now (when the step changes) and only δ_free
-// moves with the pose, as in the paper; one solve. Renewal::renewed: geometry is renewed in each
-// linearisation.
-// Friction memory: a contact that sticks keeps its anchor, so that holding still cannot creep; one that
-// slides or is open takes the place where the solve left it. Sticking is judged by slip, ‖δ_t‖ ≤
-// 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that adds up until it shows.
-// Resumed solves: where one with friction ends at a cap or its deadline, Newton's unfinished steps may be
-// anything, and it would end there again in the next tick. So until turns alone solve one, or 200 were usable,
-// solves have one linearisation and take turns of what nears the solution from wherever it starts: normal forces
-// for the friction there is (lcp.h), then sweeps; with time left, the whole solver. What they reach is
-// remembered, usable or not, and `near`: the wrench is right to some percent long before the residual is.
-// Deadline: a linearisation that it leaves no time for is left out, and the status says so.
-// Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free pose.
-// Guarantee: no allocation, wait-free, bounded by 4 linearisations × (rows + solver's bound); 128 kB of
-// stack.
+// The first linearisation is at the last solve's forces and coupling offset, found again by sample id and
+// primitive, else at x_now (rows.h). If the solution violates a sample that has no row, that sample becomes a
+// row and the problem is solved again, at most three times (missed_contact.h).
+// Renewal::frozen: rows once at problem.X_ref and x_now, one solve, as in the paper; renewed: in each
+// linearisation. Friction: a contact that sticks keeps its anchor, one that slides takes a new one. A solve that
+// ended unusable is resumed by the next tick (`near`: the wrench is right to some percent).
+// Units: N, N·m. Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free
+// pose; a linearisation without time is left out, and the status says so. Guarantee: no allocation, wait-free,
+// bounded by 4 linearisations × (rows + solver's bound); 128 kB of stack.
 // Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 

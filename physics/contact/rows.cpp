@@ -1,3 +1,12 @@
+// Outer side: 0.2 is a tolerance of 11° past tangent. It keeps the samples around a sharp edge, whose face is turned
+// away although the instrument is on it, and lets no ghost contact come from inside.
+//
+// Missing compliance: a contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue
+// next to fixed nodes) gets W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I, means of the diagonal (without friction
+// G's normal entry). The coupling's part has rank ≤ 6, and rigid friction is hyperstatic without it.
+//
+// Rows for all primitives: with the nearest one alone the solve would move a sample from one that is held to one that
+// is not, and back in the next tick. Candidates that do not overlap and have no row could not have pressed.
 #include "physics/contact/rows.h"
 
 #include <algorithm>

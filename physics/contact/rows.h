@@ -5,25 +5,14 @@
 //   δ_t,free = Tᵀ(s_free − X_lin·anchor)      + J_t (X_free ⊖ X_lin)
 //   W_ij = F_iᵀ (Σ_ab w_a w_b C_ab + B_ij) F_j,   B_ij = K_t⁻¹ − [r_i]× K_r⁻¹ [r_j]×,   r = s − p_lin
 //
-// s is the sample's position at the linearisation, s_free its position without contact. At a fixed
-// point of the linearisation (s, X_lin the solution) δ_n is the true gap and δ_t the true slip. A row
-// exists where gap(s) < margin and the instrument is on the outer side of the tissue
-// (n · outward < 0.2): no ghost contacts from inside; the tolerance of 11° past tangent keeps the
-// samples around a sharp edge, whose face is turned away although the instrument is on it. More
-// candidates than capacity: contact_selection.h chooses; of the rest, those that overlap (gap < 0) are counted
-// in `dropped`: the others could not have pressed.
-// A contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue next to
-// fixed nodes) gets the missing compliance, isotropic: W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I,
-// means of the diagonal (without friction G's normal entry). The coupling's part has rank ≤ 6, and rigid
-// friction is hyperstatic without it.
-// Units: δ in m, λ in N, J·twist in m. Friction rows exist only where some μ > 0.
-// A row is for one sample and one primitive; a sample has rows for all primitives within the margin
-// (contact_pairs.h), or the solve would move it from one that is held to one that is not, and back in the next.
-// Anchors: a sample that sticks keeps the place in the instrument's frame where it began to stick;
-// a sliding or new one takes its place of the previous solve (slip is per solve, not per step).
-// Guarantee: wait-free, no allocation, under 80 kB of stack; bounded by max_patch_samples × primitives
-// and max_contacts × (patch nodes + max_contacts) 3×3 products.
-// The linearisation's own place serves a sample that no solve has seen.
+// s: the sample's position at the linearisation, s_free: without contact. At a fixed point of the linearisation
+// δ_n is the true gap and δ_t the true slip. A row is for one sample and one primitive; a sample has rows for all
+// primitives within the margin (contact_pairs.h), where the instrument is on the outer side of the tissue
+// (n · outward < 0.2). More candidates than capacity: contact_selection.h chooses; overlapping ones that are left
+// out are counted in `dropped`. Friction rows exist only where some μ > 0. A sample that sticks keeps its anchor in
+// the instrument's frame; a sliding or new one takes its place of the previous solve, or the linearisation's own.
+// Units: δ in m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 80 kB of stack; bounded by
+// max_patch_samples × primitives and max_contacts × (patch nodes + max_contacts) 3×3 products.
 // Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
 // contact_solve.h.
 #pragma once

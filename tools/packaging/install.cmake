@@ -52,7 +52,9 @@ endif()
 # Libraries: hapticd::physics and hapticd::haptic, and hapticd::driver for devices.
 set_target_properties(hapticd_flags PROPERTIES EXPORT_NAME flags)
 set_target_properties(haptic_driver PROPERTIES EXPORT_NAME driver)
-install(TARGETS hapticd_flags physics limits haptic idl wire device_file haptic_driver EXPORT hapticdTargets
+install(TARGETS hapticd_flags limits idl wire device_file haptic_driver EXPORT hapticdDriverTargets
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/hapticd COMPONENT development)
+install(TARGETS physics haptic EXPORT hapticdTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/hapticd COMPONENT development)
 install(DIRECTORY physics haptic DESTINATION ${HEADERS} COMPONENT development FILES_MATCHING PATTERN "*.h")
 install(FILES server/dds/dds.h server/dds/dds_security.h DESTINATION ${HEADERS}/server/dds COMPONENT development)
@@ -71,6 +73,7 @@ set(PACKAGE ${CMAKE_INSTALL_LIBDIR}/cmake/hapticd)
 configure_package_config_file(${HERE}/hapticdConfig.cmake.in ${CMAKE_BINARY_DIR}/hapticdConfig.cmake
                               INSTALL_DESTINATION ${PACKAGE})
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/hapticdConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(EXPORT hapticdDriverTargets NAMESPACE hapticd:: DESTINATION ${PACKAGE} COMPONENT development)
 install(EXPORT hapticdTargets NAMESPACE hapticd:: DESTINATION ${PACKAGE} COMPONENT development)
 install(FILES ${CMAKE_BINARY_DIR}/hapticdConfig.cmake ${CMAKE_BINARY_DIR}/hapticdConfigVersion.cmake
               ${HERE}/FindCHOLMOD.cmake ${HERE}/FindOpenBLAS.cmake

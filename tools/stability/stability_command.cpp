@@ -224,9 +224,11 @@ bool print(const StabilityChart& chart) {
   for (const CarveReport& r : chart.carve) {
     std::printf(
         "carve: %lld ticks, %lld strokes, %d removed, largest force %.3f of %.1f N, farthest %.2f of %.2f "
-        "mm, fastest %.1f of %.1f mm/s, pieces gained %.2g J of up to %.2g J, free ones in %lld of %lld steps made %.2g J of up to %.2g J  %s\n",
+        "mm, fastest %.1f of %.1f mm/s, pieces gained %.2g J of up to %.2g J, free ones in %lld of %lld "
+        "steps made %.2g J of up to %.2g J  %s\n",
         static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
-        r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed, r.gained, r.energy,
+        r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
+        r.gained, r.energy,
         static_cast<long long>(r.free_steps), static_cast<long long>(r.steps), r.made, r.free_energy,
         r.faults.empty() ? "sound" : "UNSOUND");
     for (const CarveFault& f : r.faults)

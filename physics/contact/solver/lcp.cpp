@@ -1,3 +1,10 @@
+// Block pivoting stalls where it cycles, on rigid obstacles, and from a cold start on many more rows than the patch
+// has freedoms. The descent then begins from the warm set and keeps z ≥ 0; it is finite also where W is
+// rank-deficient. With few active rows a fall is waited for once, because single exchanges cost little.
+//
+// Rounding: the answer, and each solve of the descent, has had one step of iterative refinement. What counts as
+// infeasible is beyond rounding: of w, that of its sums; of z, that of its largest entry, though in W's null space z is
+// known to ε⁻¹ times that only. An entry that is negative by less is open, not cut, or w would move by as much.
 #include "physics/contact/solver/lcp.h"
 
 #include <algorithm>

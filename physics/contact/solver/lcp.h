@@ -2,25 +2,17 @@
 //
 //   w = (W + ε D) z + q,   0 ≤ w ⟂ z ≥ 0,   D = diag(W),  ε = relative_diagonal
 //
-// Block pivoting (Júdice and Pires 1994): exchange all infeasible indices while their number falls, at
-// most `patience` times without a fall (once with few active rows, whose single exchanges cost little).
-// Where that stalls (it cycles on rigid obstacles, and from a cold start on many more rows than the patch has
-// freedoms), single exchanges from the warm set that keep z ≥ 0 and lower ½ zᵀ(W + εD)z + qᵀz each time,
-// which is finite because W + εD is positive definite, also where W is rank-deficient (Lawson and Hanson
-// 1974, ch. 23). Departure: not Murty's least-index rule, which is finite too, but takes more than 1000
-// pivots on 64 sample points of 20 surface nodes.
-// The answer, and each solve of the descent, has had one step of iterative refinement. What counts as
-// infeasible is beyond rounding: of w, that of its sums; of z, that of its largest entry, though in W's null
-// space z is known to ε⁻¹ times that only: an entry that is negative by less is open, not cut, or w would
-// move by as much.
-// Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached
-// in the workspace and reused while neither W (by `matrix_version`) nor the set changes.
-// Units: W [m/N], q [m], z [N]. Errors: a status, never an exception; with `iteration_cap` z is the last
-// feasible iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite`
-// (NaN or infinity in W, q or w) and with `too_large` (more rows than the workspace was made for) it is zero.
-// Status and residual are those of the z returned. z is never negative. Entries with W_ii = 0 that W couples
-// to nothing stay at zero. Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of
-// active³/3 flops.
+// Block pivoting (Júdice and Pires 1994) exchanges all infeasible indices while their number falls, at most
+// `patience` times without a fall. Where that stalls, single exchanges lower ½ zᵀ(W + εD)z + qᵀz each time, which
+// is finite because W + εD is positive definite (Lawson and Hanson 1974, ch. 23). Departure: not Murty's
+// least-index rule, which takes more than 1000 pivots on 64 sample points of 20 surface nodes.
+// Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached in the
+// workspace while neither W (by `matrix_version`) nor the set changes.
+// Units: W [m/N], q [m], z [N]. z is never negative; entries with W_ii = 0 that W couples to nothing stay at zero.
+// Errors: a status, never an exception, and of the z returned: with `iteration_cap` z is the last feasible
+// iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite` (NaN or infinity
+// in W, q or w) and `too_large` (more rows than the workspace was made for) it is zero. Guarantee: no allocation,
+// wait-free, bounded by 2 max_pivots factorisations of active³/3 flops.
 #pragma once
 
 #include <cstdint>
