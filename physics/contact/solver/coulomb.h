@@ -1,5 +1,5 @@
 // Contact with Coulomb friction: a nonlinear complementarity problem with the *circular* cone, solved by
-// predicted Newton steps, block Gauss-Seidel with exact local solves, and a reduced semi-smooth Newton.
+// block Gauss-Seidel with exact local solves and a reduced semi-smooth Newton in turns.
 //
 //   δ = (W + ε D) λ + q;   per contact: 0 ≤ δ_n ⟂ λ_n ≥ 0,  ‖λ_t‖ ≤ μ λ_n,
 //   sliding: δ_t = −c λ_t with c > 0 and ‖λ_t‖ = μ λ_n

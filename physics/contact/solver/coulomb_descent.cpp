@@ -7,8 +7,6 @@ namespace hapticd {
 namespace {
 
 constexpr int most_halvings = 5;
-constexpr int most_predictions = 3;
-constexpr double good_prediction = 0.5;  // of the merit left after the first; good_chord after the others
 constexpr double good_chord = 0.1;       // of the merit left: the LU is good for another step
 constexpr double enough = 0.2;           // of a step's length, the least fall of the merit
 constexpr double slow = 0.5;             // of the merit left: steps go on without asking
@@ -47,41 +45,6 @@ void CoulombSolve::take_step(double length) noexcept {
   }
 }
 
-// Steps with the contacts sorted as the warm start has them: from the last problem's solution one of them,
-// with the LU that was kept, often solves this one. Gaps that have moved together by much less than forces
-// hold them would all seem closed to a sorting by ρ δ. True if λ is nearer than it was.
-bool CoulombSolve::predict() noexcept {
-  bool nearer = false;
-  s_.stretch = 1;
-  for (int k = 0; k < most_predictions && open() && !lambda_.isZero(0) && result_.newton < most_newton_;
-       ++k) {
-    if (!predicted_step(k == 0 ? good_prediction : good_chord)) break;
-    nearer = true;
-  }
-  return nearer;
-}
-
-// One of them; where the merit left is above this part, λ stays.
-bool CoulombSolve::predicted_step(double good) noexcept {
-  const double merit = merit_here();
-  keep_start();
-  ++result_.newton;
-  Deadline deadline = options_.deadline;
-  deadline.reserve_ns += 2 * ws_.polish_ns;
-  const NewtonStep step = newton_step(s_, lambda_.data(), 0, true, false, true, deadline, ws_);
-  result_.factorisations += step.factorisations;
-  if (step.outcome == NewtonOutcome::stepped) {
-    s_.compute_delta(ws_.trial.data(), ws_.trial_delta.data());
-    if (alart_curnier(s_, ws_.trial.data(), ws_.trial_delta.data()) < good * merit) {
-      take_step(1);
-      judge(false);
-      return true;
-    }
-  }
-  std::copy_n(ws_.start_delta.data(), rows_, ws_.delta.data());
-  return false;
-}
-
 // Steps that lower the merit well. Where none does, some are taken without asking, for a direction of slip
 // that turns far raises the merit before it falls; unless they end well below, or where they are lost, all is
 // put back. The shift shrinks with every step that serves, or the last ones would converge only linearly.
@@ -106,7 +69,7 @@ void CoulombSolve::newton(const CoulombStage& stage) noexcept {
   while (!done() && !astray && result_.newton < most_newton_) {
     ++result_.newton;
     keep_start();
-    const NewtonStep step = newton_step(s_, lambda_.data(), shift, stage.raw, fresh, false, deadline, ws_);
+    const NewtonStep step = newton_step(s_, lambda_.data(), shift, stage.raw, fresh, deadline, ws_);
     result_.factorisations += step.factorisations;
     const bool stepped = step.outcome == NewtonOutcome::stepped;
     if (stepped) s_.compute_delta(ws_.trial.data(), ws_.trial_delta.data());

@@ -11,7 +11,6 @@ namespace {
 
 constexpr int singly = 60;  // unknowns up to which contacts leave one by one
 constexpr double forget = 0.95;
-constexpr double on_the_cone = 1 - 1e-9;
 constexpr double flops_of_assembly = 12;  // per entry, in LU flops
 
 // Sorts one contact by y = λ − ρ δ.
@@ -25,19 +24,6 @@ ContactMode classify(const double* l, const double* d, double rho, double mu, Re
   u.d2 = y2 / pulled;
   u.lambda_n = l[0] > 0 ? l[0] : n;
   u.c = (pulled - mu * n) / (rho * mu * n);
-  return ContactMode::slip;
-}
-
-// Sorts one contact by λ alone: as it was where λ solved the last problem.
-ContactMode classify_by_force(const double* l, const double* d, double mu, ReducedContact& u) noexcept {
-  if (!(l[0] > 0)) return ContactMode::open;
-  if (mu <= 0) return ContactMode::frictionless;
-  const double t = std::sqrt(l[1] * l[1] + l[2] * l[2]);
-  if (t <= on_the_cone * mu * l[0]) return ContactMode::stick;
-  u.d1 = l[1] / t;
-  u.d2 = l[2] / t;
-  u.lambda_n = l[0];
-  u.c = std::max(0.0, -(u.d1 * d[1] + u.d2 * d[2])) / (mu * l[0]);
   return ContactMode::slip;
 }
 
@@ -89,14 +75,12 @@ class Reduced {
   }
 
   // Sorts all contacts and moves λ onto the manifold of its class, into ws.trial.
-  void sort(const double* lambda, bool by_force) noexcept {
+  void sort(const double* lambda) noexcept {
     std::fill_n(ws_.trial.data(), 3 * s_.contacts, 0.0);
     for (int i = 0; i < s_.contacts; ++i) {
       const double* l = lambda + 3 * i;
       ReducedContact& u = ws_.reduced[count_];
-      const double* d = ws_.delta.data() + 3 * i;
-      ws_.mode[i] = u.mode = by_force ? classify_by_force(l, d, s_.mu[i], u)
-                                      : classify(l, d, s_.stretch * s_.rho[i], s_.mu[i], u);
+      ws_.mode[i] = u.mode = classify(l, ws_.delta.data() + 3 * i, s_.stretch * s_.rho[i], s_.mu[i], u);
       if (u.mode == ContactMode::open) continue;
       u.contact = i;
       ++count_;
@@ -245,9 +229,9 @@ void CoulombSystem::compute_delta(const double* lambda, double* delta) const noe
 }
 
 NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shift, bool raw, bool fresh,
-                       bool by_force, const Deadline& deadline, CoulombWorkspace& ws) noexcept {
+                       const Deadline& deadline, CoulombWorkspace& ws) noexcept {
   Reduced reduced(s, ws);
-  reduced.sort(lambda, by_force);
+  reduced.sort(lambda);
   s.compute_delta(ws.trial.data(), ws.delta.data());
   NewtonStep result;
   const auto factor = [&] {

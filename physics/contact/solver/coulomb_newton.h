@@ -38,8 +38,7 @@ struct NewtonStep {
 
 // From λ and ws.delta = δ(λ) to ws.trial. raw: the semi-smooth Newton step as it is; otherwise contacts that
 // it pulls on leave the system, which is solved again, and the trial lies in the cones. fresh: no chord step.
-// by_force: contacts are sorted by λ alone, without δ.
 NewtonStep newton_step(const CoulombSystem& system, const double* lambda, double shift, bool raw, bool fresh,
-                       bool by_force, const Deadline& deadline, CoulombWorkspace& ws) noexcept;
+                       const Deadline& deadline, CoulombWorkspace& ws) noexcept;
 
 }  // namespace hapticd

@@ -4,8 +4,7 @@
 // that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also from one
 // solve to the next.
 //
-// Order: from a warm start, up to three steps with the contacts sorted by λ alone, as they were in the last
-// solution (coulomb_descent.cpp). Then 2, 4, 8, … 32 sweeps, after each of them Newton as its stages say: as
+// Order: 2, 4, 8, … 32 sweeps, after each of them Newton as its stages say: as
 // it is, with a shifted Jacobian (the shift shrinks as steps serve), with steps held in the cones, whose
 // pulled contacts leave, with ρ ten- and a hundredfold; from zero after the first turn. A step is taken if
 // the merit (½ of Alart and Curnier's residual squared) falls; what to do where it does not is in
@@ -90,7 +89,6 @@ void CoulombSolve::run() noexcept {
 }
 
 void CoulombSolve::alternate() noexcept {
-  if (predict() && open() && affords(dear_steps)) newton(stages[0]);
   for (int length = 2; open(); length = std::min(2 * length, longest_run_of_sweeps)) {
     // The warm start did not serve.
     if (length == 4) {

@@ -1,8 +1,8 @@
-// How the Coulomb solver (coulomb.h) goes about one problem: predicted steps, sweeps and Newton in turns, a
+// How the Coulomb solver (coulomb.h) goes about one problem: sweeps and Newton in turns, a
 // raised diagonal where they stall, and proximal rounds that take it off again.
 //
 // coulomb_solve.cpp holds the turns, the rounds, the sweeps and what is judged best; coulomb_descent.cpp the
-// steps: predict, newton, search. Guarantee: wait-free, no allocation; bounded by CoulombOptions.
+// steps: newton, search. Guarantee: wait-free, no allocation; bounded by CoulombOptions.
 #pragma once
 
 #include "physics/contact/solver/coulomb_newton.h"
@@ -40,8 +40,6 @@ class CoulombSolve {
   void keep_start() noexcept;
   void take_step(double length) noexcept;
 
-  bool predict() noexcept;
-  bool predicted_step(double good) noexcept;
   void newton(const CoulombStage& stage) noexcept;
   double search(double merit) noexcept;
 
