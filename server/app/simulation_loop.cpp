@@ -42,7 +42,7 @@ SimulationLoop::~SimulationLoop() { stop(); }
 void SimulationLoop::start(std::function<void()> on_thread) {
   stopping_ = false;
   references_.start([] {
-    name_thread("bases");
+    name_thread("references");
     be_nice();
   });
   thread_ = std::thread([this, on_thread = std::move(on_thread)] {

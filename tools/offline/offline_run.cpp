@@ -91,10 +91,10 @@ class Run {
     settings.first_ns = first_ns;
     settings.before = [this](StepAction action, std::int64_t ns) { before(action, ns); };
     settings.after = [this](StepAction action, std::int64_t) { after(action); };
-    settings.make = [this](ReferenceFactor& base) {
+    settings.make = [this](ReferenceFactor& factor) {
       const double begun = offline::cpu_seconds();
       const offline::Cost cost(result_.bases, counts_);
-      base.make();
+      factor.make();
       making_ += offline::cpu_seconds() - begun;
     };
     daemon_.emplace(std::move(world), scene.rate, device_of(scene, options.limits),

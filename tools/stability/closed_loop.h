@@ -24,7 +24,7 @@
 #include <vector>
 
 #include "tools/client/hand_model.h"
-#include "tools/offline/virtual_daemon.h"
+#include "tools/offline/renderer.h"
 
 namespace hapticd {
 

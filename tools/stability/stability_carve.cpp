@@ -8,7 +8,7 @@
 #include <numbers>
 #include <optional>
 
-#include "tools/offline/virtual_daemon.h"
+#include "tools/offline/renderer.h"
 #include "tools/stability/episodes.h"
 #include "tools/stability/lens_hand.h"
 #include "tools/stability/tissue_watch.h"

@@ -3,9 +3,9 @@
 // A script leads the device where no hand could go: grooves deeper and deeper along and across the anterior
 // face down to the posterior one, plunges through the lens into the capsule, sweeps to the equator and along
 // the capsule, quarters eaten away, and rests in which what is left lies alone. 1 to 12 mm/s in the scene,
-// pedals up or down, the scene's rate of removal or three times that, bases one to four steps late, a fresh
+// pedals up or down, the scene's rate of removal or three times that, reference factors one to four steps late, a fresh
 // scene every `episode` ticks. Every third seed first cuts round a core, at ten times the rate and without
-// suction, so that a free piece is left and pushed about. The daemon is that of virtual_daemon.h, with interim
+// suction, so that a free piece is left and pushed about. The daemon is that of renderer.h, with interim
 // problems and refreshes;
 // the device is the scene's with its own limits. Looked at:
 //   each tick   force and torque finite, within the device's maximum and slew

@@ -29,7 +29,7 @@ constexpr int patch_nodes = 30, zone_nodes = 80;
 const char* words(ComplianceHealth health) {
   return health == ComplianceHealth::good       ? ""
          : health == ComplianceHealth::degraded ? "compliance degraded"
-                                                : "new base wanted";
+                                                : "new reference factor wanted";
 }
 
 double relative_error(const MatX& block, const TissueModel& model, const TissueState& state,
@@ -46,12 +46,12 @@ double patch_error(Compliance& compliance, const TissueModel& model, const Tissu
   return relative_error(block, model, state, patch);
 }
 
-// What the simulation does where a base is wanted, only at once.
+// What the simulation does where a reference factor is wanted, only at once.
 void renew_reference(ReferenceCompliance& compliance, const TissueState& state) {
   if (!compliance.report().wants_reference) return;
-  std::unique_ptr<ReferenceFactor> base = compliance.snapshot_reference(state);
-  base->make();
-  compliance.adopt_reference(std::move(base), state);
+  std::unique_ptr<ReferenceFactor> factor = compliance.snapshot_reference(state);
+  factor->make();
+  compliance.adopt_reference(std::move(factor), state);
   compliance.update(state);
 }
 
@@ -105,7 +105,7 @@ StabilityPlan plan_near_static(StabilityBench& bench, bool quick) {
   plan.parameter = "mass divided by …, the cube cut in two";
   plan.naive =
       "one low-rank update for each removal, by the inverse of the element's matrix, as in the paper";
-  plan.ours = "zone: the element left out, or carried until the next base";
+  plan.ours = "zone: the element left out, or carried until the next reference factor";
   plan.judged = "error of C_pp";
   plan.limit = 1e-3;
   plan.reason = "10⁴: a step of two seconds instead of 20 ms, or tissue of 0.1 kg/m³";
@@ -180,7 +180,7 @@ StabilityPlan plan_rotation(StabilityBench& bench, bool quick) {
   StabilityPlan plan;
   plan.parameter = "angle by which tissue bends over [degrees]";
   plan.naive = "the compliance of the rest shape, unturned";
-  plan.ours = "zone: turned with its piece, a new base where it asks for one";
+  plan.ours = "zone: turned with its piece, a new reference factor where it asks for one";
   plan.judged = "error of C_pp";
   plan.limit = 0.1;
   plan.reason = "90 degrees: a flap that is folded back";
@@ -202,7 +202,7 @@ StabilityPlan plan_rotation(StabilityBench& bench, bool quick) {
     double height = 0;
     for (const Vec3& X : model.mesh.nodes) height = std::max(height, X.z());
     StabilityTrial trial;
-    constexpr int parts = 8;  // of the way: what asks for a base gets it
+    constexpr int parts = 8;  // of the way: what asks for a reference factor gets it
     for (int part = 1; part <= parts; ++part) {
       const double angle = degrees * std::numbers::pi / 180 * part / parts;
       TissueState state = rest;
@@ -218,7 +218,7 @@ StabilityPlan plan_rotation(StabilityBench& bench, bool quick) {
       trial.judged = patch_error(*compliance, model, state, patch);
       trial.trace.emplace_back(degrees * part / parts, trial.judged);
     }
-    trial.says = compliance->report().wants_reference ? "new base wanted" : "";
+    trial.says = compliance->report().wants_reference ? "new reference factor wanted" : "";
     return trial;
   };
   plan.run_naive = [run](double degrees) { return run(degrees, ComplianceMethod::lazy, Warping::none); };

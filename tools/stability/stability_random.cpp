@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "tools/client/hand_model.h"
-#include "tools/offline/virtual_daemon.h"
+#include "tools/offline/renderer.h"
 #include "tools/stability/episodes.h"
 #include "tools/stability/lens_hand.h"
 

@@ -1,4 +1,4 @@
-#include "tools/offline/virtual_daemon.h"
+#include "tools/offline/renderer.h"
 
 #include <cmath>
 
