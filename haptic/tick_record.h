@@ -1,7 +1,7 @@
 // Everything that a tick's force came from, but the problems: enough to run the tick again.
 //
-// The clock that a bounded contact solve asks (HapticInput::deadline) is recorded as its answers, in the order
-// of asking; a solve that gets the same answers does the same. Units: as device.h. Plain values.
+// The clock that a bounded contact solve asks (HapticInput::deadline) is recorded as its answers, in the
+// order of asking; a solve that gets the same answers does the same. Units: as device.h. Plain values.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 namespace hapticd {
 
 struct TickFacts {
-  std::int64_t now_ns = 0;     // HapticInput's, as the next four
+  std::int64_t now_ns = 0;  // HapticInput's, as the next four
   std::int64_t period_ns = 0;
   Presence presence;
   bool taken = false;

@@ -52,7 +52,7 @@ struct ComplianceOptions {
   int most_carried = 256;                 // zone: what goes beyond them waits for the next reference factor
   bool synchronous_reference = true;      // zone: `update` then makes it, late; false: somebody else does
   bool quantised_reference = false;       // zone: solve with a rounded copy of it (leading_columns.h)
-  int lazy_reference_after = 0;           // lazy: removals until `update` makes a new one; 0: never, as the paper
+  int lazy_reference_after = 0;  // lazy: removals until `update` makes a new one; 0: never, as the paper
   NodeOrder updown_order = NodeOrder::zone_last;
   Factorisation factorisation = Factorisation::multifrontal;  // exact
   int sample_every = 1;                                       // updates between two samples of the error

@@ -32,16 +32,16 @@ struct SimulationStatistics {
   Histogram refresh;  // from the latch of a problem made again to its publication
   std::atomic<std::uint64_t> late_removals{0};  // steps that removed something and had none
   std::atomic<std::uint64_t> steps{0};
-  std::atomic<std::uint64_t> overruns{0};   // grid points left out
-  std::atomic<std::uint64_t> removed{0};    // tetrahedra
-  std::atomic<std::uint64_t> aspirated{0};  // fragments
+  std::atomic<std::uint64_t> overruns{0};    // grid points left out
+  std::atomic<std::uint64_t> removed{0};     // tetrahedra
+  std::atomic<std::uint64_t> aspirated{0};   // fragments
   std::atomic<std::uint64_t> references{0};  // adopted
   std::atomic<std::uint64_t> references_failed{0};
   std::atomic<std::uint64_t> synchronous_references{0};  // made by a step, for others came too late
-  std::atomic<std::uint64_t> rough_steps{0};        // with a compliance `degraded`
-  std::atomic<double> compliance_error{0};          // largest sampled
-  std::atomic<double> rotation{0};                  // largest of a zone node since its reference factor [rad]
-  std::atomic<double> force_peak{0};                // on the instrument [N]
+  std::atomic<std::uint64_t> rough_steps{0};             // with a compliance `degraded`
+  std::atomic<double> compliance_error{0};               // largest sampled
+  std::atomic<double> rotation{0};    // largest of a zone node since its reference factor [rad]
+  std::atomic<double> force_peak{0};  // on the instrument [N]
   std::atomic<double> jump_at_reference{
       0};  // StepReport::handover_jump, largest in steps with a new reference factor alone
   std::atomic<double> jump_at_removal{0};  // … in steps that removed something

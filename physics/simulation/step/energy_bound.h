@@ -7,8 +7,8 @@
 // θ is the largest that keeps the bound, to three chords of the excess from ½, ¼, …; θ = 0 keeps it, since
 // v⁺ = 0 then. Pieces share no node, so each has its own sum and its own θ: what one loses no other may gain.
 // A piece that nothing holds keeps its mean motion, and so its momentum: θ is of the rest.
-// The bound is exact to 1e-9 of the energies, a solve's rounding, and to strains of 1e-9: E has every element's
-// own rotation at x + Δx, whatever the step was linearised with.
+// The bound is exact to 1e-9 of the energies, a solve's rounding, and to strains of 1e-9: E has every
+// element's own rotation at x + Δx, whatever the step was linearised with.
 //
 // Units: J. Shapes: Δx, f 3·nodes entries; elastic one a piece. Errors: none; a NaN motion is kept out whole.
 #pragma once

@@ -4,9 +4,9 @@
 //   p(k) − p₀ = sin(θ k/2m) / sin(θ/2) · rot(n, θ (m + k)/2m) a,   θ → 0:  (k/m) a
 //
 // a is a chord of m steps, and what is asked for the chord of k steps that follows it: a hand that sculpts
-// goes in curves, and a straight line would have left them by the time that a reference factor takes to make. Where the
-// two chords make more than a right angle it turned back, and no circle says where it will go: straight on.
-// Units: m. Guarantee: wait-free, no allocation.
+// goes in curves, and a straight line would have left them by the time that a reference factor takes to make.
+// Where the two chords make more than a right angle it turned back, and no circle says where it will go:
+// straight on. Units: m. Guarantee: wait-free, no allocation.
 #pragma once
 
 #include <array>
