@@ -15,6 +15,8 @@
 
 namespace hapticd {
 
+class HttpServer;
+
 // The fault of such an address; empty: none.
 std::string metrics_address_fault(const std::string& address);
 
@@ -29,8 +31,7 @@ class MetricsServer {
   std::uint16_t port() const noexcept;
 
  private:
-  struct Http;
-  std::unique_ptr<Http> http_;
+  std::unique_ptr<HttpServer> http_;
 };
 
 }  // namespace hapticd

@@ -1,19 +1,15 @@
 #include "tools/view/page_server.h"
 
 #include <atomic>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/beast/core.hpp>
-#include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <list>
 #include <optional>
 #include <set>
-#include <thread>
 
 #include "server/os/host_name.h"
-#include "server/os/realtime.h"
+#include "server/os/http_server.h"
 #include "tools/cli/command.h"
 
 namespace hapticd {
@@ -25,11 +21,10 @@ namespace http = beast::http;
 namespace websocket = beast::websocket;
 using tcp = asio::ip::tcp;
 using Error = boost::system::error_code;
-using Request = http::request<http::string_body>;
+using Request = HttpServer::Request;
 
-constexpr int most_connections = 32;
-constexpr std::size_t largest_header = 8192, largest_text = 4096;
-constexpr auto patience = std::chrono::seconds(10);
+constexpr HttpServer::Limits limits{.connections = 32, .patience = std::chrono::seconds(10), .header = 8192};
+constexpr std::size_t largest_text = 4096;
 // What the kernel may hold of messages that a slow viewer has not taken: a fraction of a second of them.
 constexpr int send_buffer = 256 * 1024;
 
@@ -39,20 +34,16 @@ std::string view_of(boost::string_view v) { return std::string(v.data(), v.size(
 
 struct PageServer::Running {
   class Viewer;
-  class Visit;
 
   PageFiles files;
   std::function<void(std::uint64_t, const std::string&)> heard;
   bool loopback = true;
   std::list<SharedMessage> kept;  // in the order in which their keys first came
-  int connections = 0;
   std::uint64_t last_viewer = 0;
   std::atomic<int> viewer_count{0};
   std::atomic<std::uint64_t> dropped{0};
-  asio::io_context io{1};  // ends before the above, which its handlers use
-  tcp::acceptor acceptor{io};
   std::set<std::shared_ptr<Viewer>> viewers;
-  std::thread thread;
+  std::optional<HttpServer> listener;  // ends before the above, which its handlers use
 
   explicit Running(PageFiles f) : files(std::move(f)) {}
 
@@ -60,19 +51,19 @@ struct PageServer::Running {
     return loopback ? is_loopback_host(host) : is_address_host(host);
   }
   void listen(const PageServerSettings& settings);
-  void accept();
+  std::optional<HttpServer::Response> answer(const Request& request) const;
   void put(SharedMessage message);
 };
 
 // One WebSocket.
 class PageServer::Running::Viewer : public std::enable_shared_from_this<Viewer> {
  public:
-  Viewer(Running& server, tcp::socket socket, std::uint64_t number)
-      : server_(server), stream_(std::move(socket)), number_(number) {}
+  Viewer(Running& server, tcp::socket socket, HttpServer::Ticket ticket, std::uint64_t number)
+      : server_(server), ticket_(std::move(ticket)), stream_(std::move(socket)), number_(number) {}
 
   void start(const Request& request) {
     auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
-    timeout.idle_timeout = patience;  // asks by a ping half-way
+    timeout.idle_timeout = limits.patience;  // asks by a ping half-way
     timeout.keep_alive_pings = true;
     stream_.set_option(timeout);
     stream_.read_message_max(largest_text);
@@ -124,7 +115,7 @@ class PageServer::Running::Viewer : public std::enable_shared_from_this<Viewer> 
     if (ended_) return;
     ended_ = true;
     close();
-    --server_.connections;
+    ticket_.reset();
     if (server_.viewers.erase(shared_from_this()) > 0) {
       server_.viewer_count.store(static_cast<int>(server_.viewers.size()));
       server_.heard(number_, "");
@@ -132,6 +123,7 @@ class PageServer::Running::Viewer : public std::enable_shared_from_this<Viewer> 
   }
 
   Running& server_;
+  HttpServer::Ticket ticket_;
   websocket::stream<beast::tcp_stream> stream_;
   beast::flat_buffer text_;
   Outbox outbox_;
@@ -140,105 +132,53 @@ class PageServer::Running::Viewer : public std::enable_shared_from_this<Viewer> 
   bool ended_ = false;
 };
 
-// One connection until it becomes a WebSocket.
-class PageServer::Running::Visit : public std::enable_shared_from_this<Visit> {
- public:
-  Visit(Running& server, tcp::socket socket) : server_(server), stream_(std::move(socket)) {
-    ++server_.connections;
-  }
-  ~Visit() {
-    if (!handed_over_) --server_.connections;
-  }
-
-  void read() {
-    parser_.emplace();
-    parser_->header_limit(largest_header);
-    parser_->body_limit(0);
-    stream_.expires_after(patience);
-    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](Error e, std::size_t) {
-      if (!e) self->answer();
-    });
-  }
-
- private:
-  void answer() {
-    const Request& request = parser_->get();
-    const std::string host = view_of(request[http::field::host]);
-    const std::string origin = view_of(request[http::field::origin]);
-    const std::string target = view_of(request.target());
-    if (!server_.is_host_allowed(host))
-      return say(http::status::forbidden, "text/plain", "Ask by a loopback address.\n");
-    // A browser always names the page that opens a WebSocket: it must be this one.
-    if (!origin.empty() && host_of_origin(origin) != host)
-      return say(http::status::forbidden, "text/plain", "Not from another page.\n");
-    if (websocket::is_upgrade(request)) {
-      if (target != "/live") return say(http::status::not_found, "text/plain", "The WebSocket is /live.\n");
-      handed_over_ = true;
-      stream_.expires_never();
-      std::make_shared<Viewer>(server_, stream_.release_socket(), ++server_.last_viewer)->start(request);
-      return;
-    }
-    if (request.method() != http::verb::get && request.method() != http::verb::head)
-      return say(http::status::method_not_allowed, "text/plain", "GET alone.\n");
-    if (const PageFile* file = server_.files.find(target))
-      return say(http::status::ok, file->type, file->bytes);
-    say(http::status::not_found, "text/plain", "No such file.\n");
-  }
-
-  void say(http::status status, const std::string& type, const std::string& body) {
-    const Request& request = parser_->get();
-    response_ = http::response<http::string_body>(status, request.version());
-    response_.set(http::field::content_type, type);
-    response_.set(http::field::cache_control, "no-cache");
-    response_.set("X-Content-Type-Options", "nosniff");
-    response_.set("Referrer-Policy", "no-referrer");
-    response_.set(
+// Nothing: a WebSocket for the page itself.
+std::optional<HttpServer::Response> PageServer::Running::answer(const Request& request) const {
+  const auto say = [](http::status status, const std::string& type, const std::string& body) {
+    HttpServer::Response response = http_text(status, body, type);
+    response.set(http::field::cache_control, "no-cache");
+    response.set("X-Content-Type-Options", "nosniff");
+    response.set("Referrer-Policy", "no-referrer");
+    response.set(
         "Content-Security-Policy",
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
         "base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
-    if (status == http::status::method_not_allowed) response_.set(http::field::allow, "GET, HEAD");
-    response_.keep_alive(status == http::status::ok && request.keep_alive());
-    response_.content_length(body.size());
-    if (request.method() != http::verb::head) response_.body() = body;
-    http::async_write(stream_, response_, [self = shared_from_this()](Error e, std::size_t) {
-      if (e) return;
-      if (self->response_.keep_alive()) return self->read();
-      Error ignored;
-      self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
-    });
+    return response;
+  };
+  const std::string host = view_of(request[http::field::host]);
+  const std::string origin = view_of(request[http::field::origin]);
+  const std::string target = view_of(request.target());
+  if (!is_host_allowed(host))
+    return say(http::status::forbidden, "text/plain", "Ask by a loopback address.\n");
+  // A browser always names the page that opens a WebSocket: it must be this one.
+  if (!origin.empty() && host_of_origin(origin) != host)
+    return say(http::status::forbidden, "text/plain", "Not from another page.\n");
+  if (websocket::is_upgrade(request)) {
+    if (target == "/live") return {};
+    return say(http::status::not_found, "text/plain", "The WebSocket is /live.\n");
   }
-
-  Running& server_;
-  beast::tcp_stream stream_;
-  beast::flat_buffer buffer_{2 * largest_header};
-  std::optional<http::request_parser<http::string_body>> parser_;
-  http::response<http::string_body> response_;
-  bool handed_over_ = false;
-};
+  if (request.method() != http::verb::get && request.method() != http::verb::head)
+    return say(http::status::method_not_allowed, "text/plain", "GET alone.\n");
+  if (const PageFile* file = files.find(target)) return say(http::status::ok, file->type, file->bytes);
+  return say(http::status::not_found, "text/plain", "No such file.\n");
+}
 
 void PageServer::Running::listen(const PageServerSettings& settings) {
   Error e;
   const asio::ip::address address = asio::ip::make_address(settings.address, e);
   if (e) throw UsageError("--listen " + settings.address + ": is not an address");
   loopback = address.is_loopback();
-  const tcp::endpoint endpoint(address, settings.port);
-  acceptor.open(endpoint.protocol());
-  acceptor.set_option(asio::socket_base::reuse_address(true));
-  acceptor.bind(endpoint, e);
-  if (!e) acceptor.listen(asio::socket_base::max_listen_connections, e);
-  if (e)
+  const auto take_over = [this](const Request& request, tcp::socket socket, HttpServer::Ticket ticket) {
+    std::make_shared<Viewer>(*this, std::move(socket), std::move(ticket), ++last_viewer)->start(request);
+  };
+  try {
+    listener.emplace(tcp::endpoint(address, settings.port), limits,
+                 HttpServer::Handlers{[this](const Request& r) { return answer(r); }, take_over}, "page");
+  } catch (const boost::system::system_error& failed) {
     throw std::runtime_error("cannot listen on " + settings.address + ", port " +
-                             std::to_string(settings.port) + ": " + e.message() +
-                             (e == asio::error::address_in_use ? "; try --port 0" : ""));
-}
-
-void PageServer::Running::accept() {
-  acceptor.async_accept([this](Error e, tcp::socket socket) {
-    if (e == asio::error::operation_aborted) return;
-    // Above the limit the socket is closed as it goes.
-    if (!e && connections < most_connections) std::make_shared<Visit>(*this, std::move(socket))->read();
-    accept();
-  });
+                             std::to_string(settings.port) + ": " + failed.code().message() +
+                             (failed.code() == asio::error::address_in_use ? "; try --port 0" : ""));
+  }
 }
 
 void PageServer::Running::put(SharedMessage message) {
@@ -257,34 +197,25 @@ PageServer::PageServer(const PageServerSettings& settings, PageFiles files,
     : running_(std::make_unique<Running>(std::move(files))) {
   running_->heard = std::move(heard);
   running_->listen(settings);
-  running_->accept();
-  running_->thread = std::thread([this] {
-    name_thread("page");
-    running_->io.run();
-  });
 }
 
 PageServer::~PageServer() {
-  running_->io.stop();
-  running_->thread.join();
+  running_->listener->stop();
   running_->viewers.clear();
 }
 
 void PageServer::put(SharedMessage message) {
-  asio::post(running_->io, [this, message = std::move(message)] { running_->put(message); });
+  asio::post(running_->listener->io(), [this, message = std::move(message)] { running_->put(message); });
 }
 
 void PageServer::forget(const std::string& key_begins) {
-  asio::post(running_->io, [this, key_begins] {
+  asio::post(running_->listener->io(), [this, key_begins] {
     running_->kept.remove_if([&](const SharedMessage& m) { return m->key.starts_with(key_begins); });
   });
 }
 
 int PageServer::viewers() const noexcept { return running_->viewer_count.load(); }
 std::uint64_t PageServer::dropped() const noexcept { return running_->dropped.load(); }
-std::uint16_t PageServer::port() const noexcept {
-  Error ignored;
-  return running_->acceptor.local_endpoint(ignored).port();
-}
+std::uint16_t PageServer::port() const noexcept { return running_->listener->port(); }
 
 }  // namespace hapticd
