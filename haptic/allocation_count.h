@@ -1,7 +1,7 @@
 // Counts the heap calls inside the haptic tick, in the program that people run.
 //
-// The loop marks where its thread is (`region`), and the program's malloc (server/os/malloc_count.cpp) adds one
-// to that region's count. Outside a marked region this costs malloc one thread-local load and a branch.
+// The loop marks where its thread is (`region`), and the program's malloc (server/os/malloc_count.cpp) adds
+// one to that region's count. Outside a marked region this costs malloc one thread-local load and a branch.
 // `haptic` is our own code of the tick; `transport` is what the device port calls in it, mainly DDS.
 // `available` is false in a program without that malloc and in every sanitizer build: nothing is counted
 // there.

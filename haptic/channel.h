@@ -45,9 +45,9 @@ class Channel {
   static_assert(std::atomic<std::uint8_t>::is_always_lock_free);
 
   std::unique_ptr<std::array<T, 3>> slot_;
-  std::uint8_t back_ = 0;                       // writer's
+  std::uint8_t back_ = 0;  // writer's
   alignas(64) std::atomic<std::uint8_t> middle_{1};
-  alignas(64) std::uint8_t front_ = 2;          // reader's
+  alignas(64) std::uint8_t front_ = 2;  // reader's
 };
 
 }  // namespace hapticd

@@ -13,26 +13,28 @@ constexpr double most_parts = 12;          // of the way from where a problem wa
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
 constexpr double share_of_near = 0.5;      // of what a resumed solve that is not usable moves the force by
-constexpr double lost_contact = 0.1e-3;     // [m]
+constexpr double lost_contact = 0.1e-3;    // [m]
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
-WatchdogInput watchdog_input(const HapticInput& input, const CondensedProblem* problem) noexcept {
+WatchdogInput watchdog_input(const HapticInput& input, int i, const CondensedProblem* problem) noexcept {
+  const DeviceInput& device = input.device[i];
   return {.now_ns = input.now_ns,
-          .presence = input.presence,
-          .taken = input.taken,
-          .sample = input.sample,
+          .presence = device.presence,
+          .taken = device.taken,
+          .sample = device.sample,
           .has_problem = problem && problem->step > 0,
           .problem_published_ns = problem ? problem->published_ns : 0};
 }
 
-ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, HapticState& s) noexcept {
+ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, const HapticState& s,
+                      const DeviceState& d) noexcept {
   ForceSample answer;
-  answer.sequence = ++s.tick;
+  answer.sequence = s.tick;
   answer.status = verdict.status;
   answer.answers = verdict.answers;
-  if (s.watchdog.has_sample) {
-    answer.echo_sequence = s.watchdog.sample.sequence;
-    answer.echo_client_time_ns = s.watchdog.sample.client_time_ns;
+  if (d.watchdog.has_sample) {
+    answer.echo_sequence = d.watchdog.sample.sequence;
+    answer.echo_client_time_ns = d.watchdog.sample.client_time_ns;
   }
   answer.step = problem ? problem->step : 0;
   answer.solver_caps = s.caps;
@@ -41,11 +43,28 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, H
   return answer;
 }
 
-// The last good wrench, never more: held, then fading.
-Wrench held_wrench(HapticState& s, double period) noexcept {
+// What the last good wrenches are still worth: held, then fading.
+double share_held(double unusable_for) noexcept {
   constexpr double hold = 10e-3, fade = 90e-3;
-  s.unusable_for += period;
-  return std::clamp(1 - (s.unusable_for - hold) / fade, 0.0, 1.0) * s.good;
+  return std::clamp(1 - (unusable_for - hold) / fade, 0.0, 1.0);
+}
+
+bool is_usable(const ContactSolution& solution, const HapticOptions& options) noexcept {
+  return solution.status == SolveStatus::solved || solution.residual <= options.usable_residual;
+}
+
+// Where those of X were before; who was not there, where it is.
+InstrumentPoses on_the_way_from(const InstrumentPoses& before, const InstrumentPoses& X) noexcept {
+  InstrumentPoses from = X;
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i] && before.present[i]) from[i] = before[i];
+  return from;
+}
+
+bool all_known(const InstrumentPoses& before, const InstrumentPoses& X) noexcept {
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i] && !before.present[i]) return false;
+  return true;
 }
 
 // A poisoned problem would be no contact, or any force. Looked at whole when it is new.
@@ -61,28 +80,28 @@ bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept 
 
 const Wrench nan_wrench{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
 
-// The last problem pressed on for the first `part` of this tick, as far as the instrument then was on its way
-// to X. False where nothing is remembered.
-bool solve_until_publication(double part, double period, const Pose& X, const Instrument& instrument,
+// The last problem pressed on for the first `part` of this tick, as far as the instruments then were on their
+// way to X. False where nothing is remembered.
+bool solve_until_publication(double part, double period, const InstrumentPoses& X, Instruments instruments,
                              ContactOptions contact, HapticState& s) noexcept {
   const CondensedProblem* before = at_part_of_tick(part, s.patch);
   if (!before) return false;
   if (contact.deadline.bounded())
     contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 2);
-  const Pose there = displaced(s.X, part / period * difference(X, s.X));
+  const InstrumentPoses from = on_the_way_from(s.X, X),
+                        there = displaced(from, difference(X, from), part / period);
   const ContactSolution solution =
-      solve_contact(*before, instrument, there, part, contact, s.contact, s.scratch);
+      solve_contact(*before, instruments, there, part, contact, s.contact, s.scratch);
   if (solution.status == SolveStatus::solved || solution.residual <= contact.usable_residual)
     remember(s.scratch.x, s.patch);
   return true;
 }
 
-Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrument,
-                      const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
-                      double period, HapticState& s, ForceSample& answer) noexcept {
-  // Said as NaN, so that it takes the one way that latches.
-  if (!is_sound_problem(problem, s)) return nan_wrench;
-  const Pose X = to_scene(device, s.watchdog.sample.pose);
+// False: the problem, or what came out, is no number.
+bool solve_tick(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
+                const HapticOptions& options, const HapticInput& input, double period,
+                HapticState& s) noexcept {
+  if (!is_sound_problem(problem, s)) return false;
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
@@ -91,78 +110,88 @@ Wrench contact_wrench(const CondensedProblem& problem, const Instrument& instrum
   if (problem.topology_changed && problem.step != s.patch.step) {
     const double age = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
     const double part = period - std::max(age, shortest_part);
-    if (part >= shortest_part && solve_until_publication(part, period, X, instrument, contact, s)) T -= part;
+    if (part >= shortest_part && solve_until_publication(part, period, X, instruments, contact, s)) T -= part;
   }
   // Rows for what some ticks like this one can reach; more where that turns out to be too few.
-  if (std::isfinite(options.ticks_ahead))
-    contact.activation_distance = std::clamp(options.ticks_ahead * difference(X, s.X).head<3>().norm(),
+  if (std::isfinite(options.ticks_ahead) && all_known(s.X, X))
+    contact.activation_distance = std::clamp(options.ticks_ahead * longest(difference(X, s.X)),
                                              least_of_margin * contact.margin, contact.margin);
   s.X = X;
   const CondensedProblem& now =
       at_tick(problem, options.viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
-  // A problem that the instrument has outrun is met where it was made, and on the way from there.
+  // A problem that an instrument has outrun is met where it was made, and on the way from there.
   if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
-    const Vec6 way = difference(X, problem.X_ref);
-    const double parts = std::min(way.head<3>().norm() / contact.margin, most_parts);
+    InstrumentPoses from = X;
+    for (int i = 0; i < max_instruments; ++i)
+      if (X.present[i]) from[i] = problem.instrument[i].X_ref;
+    const EachInstrument<Vec6> way = difference(X, from);
+    const double parts = std::min(longest(way) / contact.margin, most_parts);
     for (int p = 0; parts > 1 && p < parts; ++p)
-      solve_contact(now, instrument, displaced(problem.X_ref, p / parts * way), T, contact, s.contact,
-                    s.scratch);
+      solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
   }
-  const ContactSolution& solution = s.solution =
-      solve_contact(now, instrument, X, T, contact, s.contact, s.scratch);
+  s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
   s.solved = true;
-  answer.contacts = static_cast<std::uint32_t>(solution.contacts);
-  answer.active = static_cast<std::uint32_t>(solution.active);
+  return s.solution.status != SolveStatus::not_finite;
+}
+
+// What the tick's solve says to one device; s.unusable_for: this tick's.
+Wrench contact_wrench(const CondensedProblem& problem, int i, const DeviceSettings& device,
+                      const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
+  const ContactSolution& solution = s.solution;
+  const int rows = s.scratch.rows.rows_per_contact;
+  for (int r = 0; r < s.scratch.rows.contacts; ++r) {
+    const ContactRow& row = s.scratch.rows.row[r];
+    if (row.instrument != i && row.other != i) continue;
+    ++answer.contacts;
+    answer.active += s.scratch.lambda[rows * r] > 0;
+  }
   answer.dropped = static_cast<std::uint32_t>(solution.dropped);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
   if (solution.lost > lost_contact) answer.status |= status_contact_lost;
-  // Its wrench is zero then.
-  if (solution.status == SolveStatus::not_finite) return nan_wrench;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
-  if (solution.status != SolveStatus::solved) {
-    answer.status |= status_solver_cap;
-    answer.solver_caps = ++s.caps;
-  }
-  const bool usable = solution.status == SolveStatus::solved || solution.residual <= options.usable_residual;
+  if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
+  answer.solver_caps = s.caps;
+  DeviceState& d = s.device[i];
   // A poor iterate may be anything.
-  if (!usable && !solution.near) return held_wrench(s, period);
-  remember(s.scratch.x, s.patch);
-  s.unusable_for = 0;
-  const Wrench fresh{force_to_device(device, solution.wrench.head<3>()),
-                     torque_to_device(device, solution.wrench.tail<3>())};
-  s.good = usable ? fresh : s.good + share_of_near * (fresh - s.good);
-  return s.good;
+  if (s.unusable_for > 0) return share_held(s.unusable_for) * d.good;
+  const Wrench fresh{force_to_device(device, solution.wrench[i].head<3>()),
+                     torque_to_device(device, solution.wrench[i].tail<3>())};
+  d.good = is_usable(solution, options) ? fresh : d.good + share_of_near * (fresh - d.good);
+  return d.good;
 }
 
 // Nothing is rendered, so nothing may be remembered that a later arming would feel.
-ForceSample zero_output(ForceSample answer, HapticState& s) noexcept {
-  s.contact.memory.count = 0;
-  s.contact.coupling_offset.setZero();
-  s.contact.frozen_step = 0;
-  s.patch.step = 0;
-  s.blend.left = 0;
-  s.passivity = {};
-  s.render = Render::zero;
-  s.rendered = s.sent = s.good = {};
-  s.controlled = Vec3::Zero();
-  s.unusable_for = 0;
+ForceSample zero_output(ForceSample answer, DeviceState& d) noexcept {
+  d.blend.left = 0;
+  d.passivity = {};
+  d.render = Render::zero;
+  d.rendered = d.sent = d.good = {};
+  d.controlled = Vec3::Zero();
   answer.force.setZero();
   answer.torque.setZero();
   return answer;
 }
 
+void forget_contact(HapticState& s) noexcept {
+  s.contact.memory.count = 0;
+  s.contact.coupling_offset = {};
+  s.contact.frozen_step = 0;
+  s.patch.step = 0;
+  s.unusable_for = 0;
+}
+
 // Silence, once the force that was sent has gone to zero within the slew limit. Until then it is not
 // `disarmed`.
 ForceSample release(ForceSample answer, const DeviceSettings& device, double period,
-                    HapticState& s) noexcept {
+                    DeviceState& d) noexcept {
   bool slew = false;
-  const Wrench left = slew_limited(device, s.sent, {}, period, slew);
-  const PassivityState passivity = s.passivity;
-  answer = zero_output(answer, s);
+  const Wrench left = slew_limited(device, d.sent, {}, period, slew);
+  const PassivityState passivity = d.passivity;
+  answer = zero_output(answer, d);
   if (!slew || device.max_force_rate <= 0 || device.max_force <= 0) return answer;
-  s.passivity = passivity;
-  s.sent = left;
+  d.passivity = passivity;
+  d.sent = left;
   answer.force = left.force;
   answer.torque = left.torque;
   answer.energy = passivity.energy;
@@ -171,69 +200,127 @@ ForceSample release(ForceSample answer, const DeviceSettings& device, double per
   return answer;
 }
 
-ForceSample not_finite(ForceSample answer, HapticState& s) noexcept {
-  latch_not_finite(s.watchdog);
+ForceSample not_finite(ForceSample answer, DeviceState& d) noexcept {
+  latch_not_finite(d.watchdog);
   answer.status |= status_not_finite | status_latched | status_disarmed;
-  return zero_output(answer, s);
+  return zero_output(answer, d);
 }
 
-}  // namespace
-
-ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
-                        const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
-                        HapticState& s) noexcept {
-  const double period =
-      1e-9 * static_cast<double>(input.period_ns > 0 ? input.period_ns : options.watchdog.period_ns);
-  s.solved = false;
-
-  // read
-  const Verdict verdict = watch(options.watchdog, device, watchdog_input(input, problem), s.watchdog);
-  ForceSample answer = answer_to(verdict, problem, s);
-  if (verdict.render == Render::zero) return zero_output(answer, s);
-  observe(s.passivity, s.watchdog.sample.pose, s.sent);
-  if (verdict.render == Render::release) return release(answer, device, period, s);
-
-  // compute
-  Wrench wrench = s.rendered;
-  if (verdict.render == Render::contact)
-    wrench = contact_wrench(*problem, instrument, device, options, input, period, s, answer);
-  else if (verdict.render == Render::damp)
-    wrench = {-device.damping * s.watchdog.velocity, Vec3::Zero()};
-  if (!is_finite(wrench)) return not_finite(answer, s);
-
+// What a device's wrench goes through on its way to the hand. changed: the problem, or who is in contact.
+ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool changed,
+                     const DeviceSettings& device, const HapticOptions& options, double period,
+                     DeviceState& d) noexcept {
   // filter
   if (verdict.render != Render::hold) {
-    const bool removal =
-        verdict.render == Render::contact && problem->step != s.step && problem->topology_changed;
-    const bool change = s.render != Render::zero && s.render != verdict.render;
-    if ((removal || change) && options.blend_time > 0) start_blend(s.blend, s.rendered);
-    if (s.blend.left > 0) answer.status |= status_blending;
-    wrench = blended(s.blend, wrench, period, options.blend_time);
+    const bool change = changed || (d.render != Render::zero && d.render != verdict.render);
+    if (change && options.blend_time > 0) start_blend(d.blend, d.rendered);
+    if (d.blend.left > 0) answer.status |= status_blending;
+    wrench = blended(d.blend, wrench, period, options.blend_time);
   }
-  s.step = problem->step;
-  s.render = verdict.render;
-  s.rendered = wrench;
+  d.render = verdict.render;
+  d.rendered = wrench;
   wrench = verdict.gain * wrench;
-  s.controlled = Vec3::Zero();
+  d.controlled = Vec3::Zero();
   if (options.passivity_control)
-    s.controlled = passivity_force(s.passivity, s.watchdog.velocity, device.damping, period);
-  wrench.force += s.controlled;
+    d.controlled = passivity_force(d.passivity, d.watchdog.velocity, device.damping, period);
+  wrench.force += d.controlled;
 
   // limit
   bool saturation = false, slew = false;
   wrench = saturated(device, wrench, saturation);
-  wrench = slew_limited(device, s.sent, wrench, period, slew);
+  wrench = slew_limited(device, d.sent, wrench, period, slew);
   if (saturation) answer.status |= status_saturated;
   if (slew) answer.status |= status_slew_limited;
 
   // check finite
-  if (!is_finite(wrench)) return not_finite(answer, s);
+  if (!is_finite(wrench)) return not_finite(answer, d);
 
   // answer
-  s.sent = wrench;
+  d.sent = wrench;
   answer.force = wrench.force;
   answer.torque = wrench.torque;
-  answer.energy = s.passivity.energy;
+  answer.energy = d.passivity.energy;
+  return answer;
+}
+
+}  // namespace
+
+EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instruments instruments,
+                                        std::span<const DeviceSettings> devices, const HapticOptions& options,
+                                        const HapticInput& input, HapticState& s) noexcept {
+  const double period =
+      1e-9 * static_cast<double>(input.period_ns > 0 ? input.period_ns : options.watchdog.period_ns);
+  const int count = static_cast<int>(devices.size());
+  const InstrumentPoses before = s.X;
+  const bool solved_before = s.solved;
+  s.solved = false;
+  ++s.tick;
+
+  // read
+  EachInstrument<Verdict> verdict;
+  EachInstrument<ForceSample> answer;
+  InstrumentPoses X;
+  bool contact = false, ramping_up = false;
+  for (int i = 0; i < count; ++i) {
+    DeviceState& d = s.device[i];
+    const DeviceSettings& device = devices[static_cast<std::size_t>(i)];
+    verdict[i] = watch(options.watchdog, device, watchdog_input(input, i, problem), d.watchdog);
+    answer[i] = answer_to(verdict[i], problem, s, d);
+    X[i] = to_scene(device, d.watchdog.sample.pose);
+    const Render render = verdict[i].render;
+    X.present[i] = render == Render::contact || (verdict[i].status & status_holding && d.present);
+    d.present = X.present[i];
+    contact = contact || render == Render::contact;
+    ramping_up = ramping_up || verdict[i].status & status_ramping_up;
+  }
+
+  // compute
+  bool finite = true, changed = false;
+  const bool removal = problem && problem->step != s.step && problem->topology_changed;
+  if (contact) {
+    finite = solve_tick(*problem, instruments, X, options, input, period, s);
+    if (finite && s.solution.status != SolveStatus::solved) ++s.caps;
+    if (finite && !is_usable(s.solution, options) && !s.solution.near) {
+      s.unusable_for += period;
+    } else if (finite) {
+      remember(s.scratch.x, s.patch);
+      s.unusable_for = 0;
+    }
+    // Who was armed in the middle of the tissue presses as soon as a problem reaches there.
+    changed = count > 1 && solved_before &&
+              (before.present.value != X.present.value || (ramping_up && problem->step != s.step));
+  }
+  bool renders = false;
+  for (int i = 0; i < count; ++i) {
+    DeviceState& d = s.device[i];
+    const DeviceSettings& device = devices[static_cast<std::size_t>(i)];
+    const Render render = verdict[i].render;
+    if (render == Render::zero) {
+      answer[i] = zero_output(answer[i], d);
+      continue;
+    }
+    observe(d.passivity, d.watchdog.sample.pose, d.sent);
+    if (render == Render::release) {
+      answer[i] = release(answer[i], device, period, d);
+      continue;
+    }
+    Wrench wrench = d.rendered;
+    if (render == Render::contact)
+      wrench = finite ? contact_wrench(*problem, i, device, options, s, answer[i]) : nan_wrench;
+    else if (render == Render::damp)
+      wrench = {-device.damping * d.watchdog.velocity, Vec3::Zero()};
+    if (!is_finite(wrench)) {
+      answer[i] = not_finite(answer[i], d);
+      continue;
+    }
+    answer[i] = rendered(wrench, answer[i], verdict[i], render == Render::contact && (removal || changed),
+                         device, options, period, d);
+    renders = renders || d.render != Render::zero;
+  }
+  if (renders)
+    s.step = problem->step;
+  else
+    forget_contact(s);
   return answer;
 }
 

@@ -1,10 +1,13 @@
-// One tick of the haptic loop as a pure function: device state in, force out.
+// One tick of the haptic loop as a pure function: the devices' states in, their forces out.
 //
-//   δ_free(X) → λ → wrench = Jᵀλ → device axes and scale → blend → gain → limits → force
+//   δ_free(X) → λ → wrench_i = J_iᵀλ → device axes and scale → blend → gain → limits → force
 //
-// The function reads in this order: read, compute, filter, limit, check finite, answer. Every path to the
-// answer goes through the limits or is exactly zero. The loop fills in wake_ns and solve_ns of the answer,
-// because there is no clock here. Units: m, N, N·m, ns; the answer is in the device frame.
+// One contact solve for all devices of a world; all else is each device's own: watchdog, scales, ramp, limits,
+// latch. It reads in this order: read, compute, filter, limit, check finite, answer. Every path to an answer
+// goes through the limits or is exactly zero. An instrument whose device is not trusted in this tick has no rows;
+// one whose device is silent for less than 10 ms, its force held, stays where it was. Who comes or goes is
+// blended for the others. The loop fills in wake_ns and solve_ns of the answers, because there is no clock here.
+// Units: m, N, N·m, ns; answers are in the device's frame.
 // Guarantee: noexcept, no allocation, wait-free, bounded by the contact solve's bound.
 #pragma once
 
@@ -32,42 +35,58 @@ struct HapticOptions {
   bool passivity_control = false;          // the observer always runs
 };
 
-struct HapticInput {
-  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
-  std::int64_t period_ns = 0;  // since the previous tick, where ticks come at will; 0: the watchdog's
+struct DeviceInput {
   Presence presence;
   bool taken = false;  // `sample` is new
   DeviceSample sample;
+};
+
+struct HapticInput {
+  std::int64_t now_ns = 0;     // CLOCK_MONOTONIC
+  std::int64_t period_ns = 0;  // since the previous tick, where ticks come at will; 0: the watchdog's
+  EachInstrument<DeviceInput> device;
   Deadline deadline;  // of the contact solve; none: bounded by counts alone
 };
 
-// About 2 MB of scratch: keep it on the heap, made before the loop starts.
-struct HapticState {
+// Of one device.
+struct DeviceState {
   WatchdogState watchdog;
-  ContactState contact;
-  ContactScratch scratch;
-  ViscousPatch patch;
   Blend blend;
   PassivityState passivity;
   Render render = Render::zero;    // of the previous tick
+  bool present = false;            // its instrument may touch: of the previous tick
   Wrench rendered;                 // of the previous tick, before gain and limits
   Wrench sent;                     // of the previous tick
   Vec3 controlled = Vec3::Zero();  // … the passivity controller's part of it, before the limits
   Wrench good;                     // of the last usable contact solve, as rendered
-  double unusable_for = 0;         // since then [s]
-  std::uint32_t caps = 0;          // contact solves so far that ended at a cap or the deadline
+};
+
+// About 5 MB of scratch: keep it on the heap, made before the loop starts.
+struct HapticState {
+  EachInstrument<DeviceState> device;
+  ContactState contact;
+  ContactScratch scratch;
+  ViscousPatch patch;
+  double unusable_for = 0;  // contact solves in a row, so long [s]
+  std::uint32_t caps = 0;   // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
-  std::uint64_t step = 0;    // newest simulation step rendered
+  std::uint64_t step = 0;        // newest simulation step rendered
   std::uint64_t sound_step = 0;  // newest problem looked at and found sound
-  Pose X;                    // of the instrument, in the last contact solve
-  bool solved = false;       // this tick ran the contact solve …
-  ContactSolution solution;  // … and this came out, in the scene
+  InstrumentPoses X;             // of those in contact, in the last contact solve
+  bool solved = false;           // this tick ran the contact solve …
+  ContactSolution solution;      // … and this came out, in the scene
+
+  bool in_contact(int i) const noexcept { return solved && X.present[i]; }
 };
 
 // problem: the newest, or null when there is none yet.
-ForceSample haptic_step(const CondensedProblem* problem, const Instrument& instrument,
-                        const DeviceSettings& device, const HapticOptions& options, const HapticInput& input,
-                        HapticState& state) noexcept;
+// devices: one an instrument, in their order.
+EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instruments instruments,
+                                        std::span<const DeviceSettings> devices, const HapticOptions& options,
+                                        const HapticInput& input, HapticState& state) noexcept;
+
+// What the simulation is told of all instruments of a world.
+using InstrumentInputs = EachInstrument<InstrumentInput>;
 
 // The instrument's state that the simulation should use after this tick.
 InstrumentInput instrument_input(const DeviceSettings& device, const WatchdogLimits& limits,

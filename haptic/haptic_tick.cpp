@@ -1,20 +1,43 @@
 #include "haptic/haptic_tick.h"
 
+#include <stdexcept>
+#include <utility>
+
 namespace hapticd {
 
-HapticTick::HapticTick(const Instrument& instrument, const DeviceSettings& device,
+HapticTick::HapticTick(Instruments instruments, std::vector<DeviceSettings> devices,
                        const HapticOptions& options, Channel<CondensedProblem>& problems)
-    : instrument_(instrument),
-      device_(device),
+    : instruments_(instruments),
+      devices_(std::move(devices)),
       options_(options),
       problems_(problems),
-      state_(std::make_unique<HapticState>()) {}
+      state_(std::make_unique<HapticState>()) {
+  if (device_count() != instruments_.count() || instruments_.count() > max_instruments)
+    throw std::invalid_argument("each instrument has a device of its own");
+}
 
-ForceSample HapticTick::run(const HapticInput& input) noexcept {
+EachInstrument<ForceSample> HapticTick::run(const HapticInput& input) noexcept {
   const std::int64_t period = input.period_ns > 0 ? input.period_ns : options_.watchdog.period_ns;
-  advance(ramp_, device_, 1e-9 * static_cast<double>(period));
+  for (int i = 0; i < device_count(); ++i)
+    advance(ramp_[i], devices_[static_cast<std::size_t>(i)], 1e-9 * static_cast<double>(period));
   problems_.acquire();
-  return haptic_step(problem(), instrument_, device_, options_, input, *state_);
+  return haptic_step(problem(), instruments_, devices_, options_, input, *state_);
+}
+
+InstrumentInput HapticTick::instrument(int i, std::int64_t now_ns) const noexcept {
+  const DeviceState& d = state_->device[i];
+  InstrumentInput in = instrument_input(device(i), options_.watchdog, d.watchdog, now_ns);
+  if (device_count() > 1 && d.render == Render::zero) {
+    in.present = false;
+    in.buttons = 0;
+  }
+  return in;
+}
+
+InstrumentInputs HapticTick::instruments(std::int64_t now_ns) const noexcept {
+  InstrumentInputs all;
+  for (int i = 0; i < device_count(); ++i) all[i] = instrument(i, now_ns);
+  return all;
 }
 
 }  // namespace hapticd

@@ -58,6 +58,12 @@ struct SolveClock {
   }
 };
 
+std::vector<DeviceSettings> settings_of(const std::vector<LoopDevice>& devices) {
+  std::vector<DeviceSettings> settings;
+  for (const LoopDevice& d : devices) settings.push_back(d.settings);
+  return settings;
+}
+
 }  // namespace
 
 std::int64_t monotonic_ns() noexcept {
@@ -72,14 +78,12 @@ void sleep_until(std::int64_t ns) noexcept {
   }
 }
 
-HapticLoop::HapticLoop(const Instrument& instrument, const DeviceSettings& device,
-                       const HapticOptions& options, DevicePort& port, Channel<CondensedProblem>& problems,
-                       Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history,
-                       const LoopTiming& timing)
-    : tick_(instrument, device, options, problems),
-      port_(port),
+HapticLoop::HapticLoop(Instruments instruments, const std::vector<LoopDevice>& devices,
+                       const HapticOptions& options, Channel<CondensedProblem>& problems,
+                       Channel<InstrumentInputs>& instrument_inputs, const LoopTiming& timing)
+    : devices_(devices),
+      tick_(instruments, settings_of(devices), options, problems),
       instrument_inputs_(instrument_inputs),
-      history_(history),
       timing_(timing) {}
 
 HapticLoop::~HapticLoop() { stop(); }
@@ -107,12 +111,12 @@ void HapticLoop::run() noexcept {
     run_on_arrivals();
   ForceSample last;
   last.sequence = tick_.state().tick + 1;
-  port_.write(last);
+  for (const LoopDevice& d : devices_) d.port.write(last);
 }
 
 void HapticLoop::run_on_grid() noexcept {
   std::int64_t intended = monotonic_ns() + options().watchdog.period_ns;
-  statistics_.first_ns.store(intended, relaxed);
+  for (LoopStatistics& s : statistics_.value) s.first_ns.store(intended, relaxed);
   while (!stopping_.load(relaxed)) {
     wait_for(intended);
     tick(intended);
@@ -125,24 +129,28 @@ void HapticLoop::wait_for(std::int64_t intended) noexcept {
   const std::int64_t early = intended - timing_.early_ns;
   sleep_until(early);
   std::int64_t now = monotonic_ns();
-  statistics_.timer.record(now - early);
+  for (int i = 0; i < devices(); ++i) statistics_[i].timer.record(now - early);
   while (now < intended) now = monotonic_ns();
 }
 
 void HapticLoop::run_on_arrivals() noexcept {
   const std::int64_t period = options().watchdog.period_ns;
+  EachInstrument<std::int64_t> earliest;
   std::int64_t last = monotonic_ns();
   bool arrival = false;
-  statistics_.first_ns.store(last, relaxed);
+  for (LoopStatistics& s : statistics_.value) s.first_ns.store(last, relaxed);
   while (!stopping_.load(relaxed)) {
     const std::int64_t deadline = last + (arrival ? 3 * period / 2 : period);
-    const std::int64_t arrived = port_.await(deadline);
-    const std::int64_t earliest = arrival ? last + timing_.min_answer_ns : last;
-    arrival = arrived != 0;
-    const std::int64_t intended = arrival ? std::max(arrived, earliest) : deadline;
-    if (arrived != 0 && arrived < earliest) sleep_until(earliest);
+    const std::int64_t due = device(0).port.await(deadline, earliest);
+    arrival = due != 0;
+    const std::int64_t intended = arrival ? due : deadline;
     tick(intended);
     last = next_slot(intended) - period;
+    for (int i = 0; i < devices(); ++i) {
+      const bool answered = answered_in_a_row_[i] > 0;
+      if (answered || devices() > 1)
+        earliest[i] = std::max(earliest[i], last + (answered ? timing_.min_answer_ns : timing_.min_tick_ns));
+    }
   }
 }
 
@@ -155,51 +163,64 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   HapticInput input;
   if (timing_.mode == LoopMode::event)
     input.period_ns = std::clamp(interval, std::int64_t{1}, options().watchdog.period_ns);
-  const bool retuned = tunings_ && tunings_->acquire();
-  if (retuned) tick_.retune(tunings_->front());
-  if (record_) record_->facts.retuned = retuned;
+  retune();
   {
     const Mark theirs(Region::transport);
     take(intended, input);
   }
 
-  ForceSample force;
-  const std::int64_t solved = solve_by_clock(input, force);
-  force.wake_ns = woken - intended;
-
+  const std::int64_t solved = solve_by_clock(input);
+  for (int i = 0; i < devices(); ++i) forces_[i].wake_ns = woken - intended;
   {
     const Mark theirs(Region::transport);
-    port_.write(force);
+    // Who waits for an answer has it first.
+    for (const bool answers : {true, false})
+      for (int i = 0; i < devices(); ++i)
+        if (forces_[i].answers == answers) device(i).port.write(forces_[i]);
   }
   const std::int64_t written = monotonic_ns();
 
   const HapticState& state = tick_.state();
-  const InstrumentInput instrument = tick_.instrument(input.now_ns);
-  instrument_inputs_.back() = instrument;
+  const InstrumentInputs& instruments = instrument_inputs_.back() = tick_.instruments(input.now_ns);
+  for (int i = 0; i < devices(); ++i)
+    device(i).history.push({intended, forces_[i], state.device[i].watchdog.sample.pose, instruments[i]});
   instrument_inputs_.publish();
-  history_.push({intended, force, state.watchdog.sample.pose, instrument});
-  if (record_) record(input, force);
+  if (record_) record(input);
 
   // What was solved: the published problem, or the patch made from it.
-  if (captures_ && state.solved) capture(state.patch.step > 0 ? state.patch.problem : *tick_.problem(), force);
-  statistics_.write.record(written - solved);
-  if (interval > 0) statistics_.interval.record(interval);
-  count(force);
-  count_page_faults(force);
+  if (captures_ && state.solved)
+    capture(state.patch.step > 0 ? state.patch.problem : *tick_.problem(), state);
+  bool armed = true;
+  for (int i = 0; i < devices(); ++i) {
+    statistics_[i].write.record(written - solved);
+    if (interval > 0) statistics_[i].interval.record(interval);
+    count(i, forces_[i]);
+    armed = armed && (forces_[i].status & status_disarmed) == 0;
+  }
+  count_page_faults(armed);
+}
+
+void HapticLoop::retune() noexcept {
+  for (int i = 0; i < devices(); ++i) {
+    Channel<DeviceTuning>* tunings = device(i).tunings;
+    const bool retuned = tunings && tunings->acquire();
+    if (retuned) tick_.retune(i, tunings->front());
+    if (record_) record_->facts.device[i].retuned = retuned;
+  }
 }
 
 // When it was solved.
-std::int64_t HapticLoop::solve_by_clock(HapticInput& input, ForceSample& force) noexcept {
+std::int64_t HapticLoop::solve_by_clock(HapticInput& input) noexcept {
   if (captures_) before_ = tick_.state().contact;
   if (record_) record_->clock.count = 0;
   const std::int64_t begun = monotonic_ns();
   const SolveClock clock{begun + options().solve_budget_ns, record_ ? &record_->clock : nullptr};
   input.deadline.clock = &clock;
   input.deadline.left_ns = SolveClock::left_ns;
-  force = tick_.run(input);
+  forces_ = tick_.run(input);
   input.deadline = {};
   const std::int64_t solved = monotonic_ns();
-  force.solve_ns = solved - begun;
+  for (ForceSample& force : forces_.value) force.solve_ns = solved - begun;
   return solved;
 }
 
@@ -208,19 +229,21 @@ void HapticLoop::record_into(SpscQueue<TickRecord>& records) {
   record_ = std::make_unique<TickRecord>();
 }
 
-void HapticLoop::record(const HapticInput& input, const ForceSample& force) noexcept {
+void HapticLoop::record(const HapticInput& input) noexcept {
   TickFacts& r = record_->facts;
   r.now_ns = input.now_ns;
   r.period_ns = input.period_ns;
-  r.presence = input.presence;
-  r.taken = input.taken;
-  r.sample = input.sample;
-  if (r.retuned) r.tuning = tunings_->front();
-  r.tick = force.sequence;
-  r.problem = force.step;
-  r.force = force.force;
-  r.torque = force.torque;
-  r.status = force.status;
+  r.tick = forces_[0].sequence;
+  r.problem = forces_[0].step;
+  r.devices = devices();
+  for (int i = 0; i < devices(); ++i) {
+    DeviceFacts& d = r.device[i];
+    d.input = input.device[i];
+    if (d.retuned) d.tuning = device(i).tunings->front();
+    d.force = forces_[i].force;
+    d.torque = forces_[i].torque;
+    d.status = forces_[i].status;
+  }
   records_->push(*record_);
 }
 
@@ -228,39 +251,55 @@ void HapticLoop::record(const HapticInput& input, const ForceSample& force) noex
 // point that it is now. Such a stall has mostly held up the client too, which sends what it is late with in a
 // moment: that state would be overtaken by its next one, which is due half a period behind the grid point.
 std::int64_t HapticLoop::waits_until(std::int64_t intended, std::int64_t now) const noexcept {
-  if (timing_.mode == LoopMode::event || timing_.late_state_ns == 0 || answered_in_a_row_ < steady_ticks)
-    return 0;
+  if (timing_.mode == LoopMode::event || timing_.late_state_ns == 0) return 0;
+  bool steady = false;
+  for (const int ticks : answered_in_a_row_.value) steady = steady || ticks >= steady_ticks;
+  if (!steady) return 0;
   const std::int64_t period = options().watchdog.period_ns;
   const std::int64_t late = (now - intended) % period, grid_point = now - late;
   if (late > period / 2) return 0;
   return grid_point + std::max(timing_.late_state_ns, late + timing_.behind_stall_ns);
 }
 
-// The newest state, and one that is a little late of a client that has been punctual so far.
+// The newest states, and those that are a little late of clients that have been punctual so far.
 void HapticLoop::take(std::int64_t intended, HapticInput& input) noexcept {
   const std::int64_t until = waits_until(intended, monotonic_ns());
   for (bool first = true;; first = false) {
     input.now_ns = monotonic_ns();
-    input.taken = port_.take(input.now_ns, input.sample);
-    const Presence seen = port_.presence();
-    input.presence = {seen.connected, input.presence.new_client || seen.new_client,
-                      input.presence.conflict || seen.conflict, seen.rival, seen.settled};
-    if (input.taken && !first) add(statistics_.late_states, std::uint64_t{1});
-    if (input.taken || !seen.connected || input.now_ns + look_again_ns > until) break;
+    if (take_all(input, first) || input.now_ns + look_again_ns > until) break;
     sleep_until(input.now_ns + look_again_ns);
   }
-  answered_in_a_row_ = input.taken ? std::min(answered_in_a_row_ + 1, steady_ticks) : 0;
+  for (int i = 0; i < devices(); ++i)
+    answered_in_a_row_[i] = input.device[i].taken ? std::min(answered_in_a_row_[i] + 1, steady_ticks) : 0;
+}
+
+// Whether there is nobody left to be waited for.
+bool HapticLoop::take_all(HapticInput& input, bool first) noexcept {
+  bool all = true;
+  for (int i = 0; i < devices(); ++i) {
+    DeviceInput& d = input.device[i];
+    if (d.taken) continue;
+    DevicePort& port = device(i).port;
+    d.taken = port.take(input.now_ns, d.sample);
+    const Presence seen = port.presence();
+    d.presence = {seen.connected, d.presence.new_client || seen.new_client,
+                  d.presence.conflict || seen.conflict, seen.rival, seen.settled};
+    if (d.taken && !first) add(statistics_[i].late_states, std::uint64_t{1});
+    const bool punctual = devices() == 1 || answered_in_a_row_[i] >= steady_ticks;
+    all = all && (d.taken || !seen.connected || !punctual);
+  }
+  return all;
 }
 
 // A system call a tick would be felt; seven times a second it is not.
-void HapticLoop::count_page_faults(const ForceSample& force) noexcept {
+void HapticLoop::count_page_faults(bool armed) noexcept {
   constexpr std::uint64_t every = 128;
   if (faults_before_ < 0) {
-    if (force.status & status_disarmed) return;
+    if (!armed) return;
     faults_before_ = page_faults_of_thread();
   } else if (tick_.state().tick % every == 0) {
-    statistics_.page_faults.store(static_cast<std::uint64_t>(page_faults_of_thread() - faults_before_),
-                                  relaxed);
+    const auto faults = static_cast<std::uint64_t>(page_faults_of_thread() - faults_before_);
+    for (LoopStatistics& s : statistics_.value) s.page_faults.store(faults, relaxed);
   }
 }
 
@@ -269,65 +308,74 @@ void HapticLoop::capture_into(Channel<ContactCapture>& captures, std::uint64_t e
   capture_every_ = every;
 }
 
-void HapticLoop::capture(const CondensedProblem& problem, const ForceSample& force) noexcept {
+void HapticLoop::capture(const CondensedProblem& problem, const HapticState& state) noexcept {
   constexpr std::uint64_t ticks_between = 20;
   ++solves_;
   // A tick that had a removal in it may have been solved in two parts.
-  if (problem.topology_changed && tick_.state().patch.step > 0 &&
-      tick_.state().patch.period < 0.9e-9 * static_cast<double>(options().watchdog.period_ns))
+  if (problem.topology_changed && state.patch.step > 0 &&
+      state.patch.period < 0.9e-9 * static_cast<double>(options().watchdog.period_ns))
     return;
-  const bool capped = (force.status & status_solver_cap) != 0;
+  const SolveStatus status = state.solution.status;
+  const bool capped = status != SolveStatus::solved && status != SolveStatus::not_finite;
   if (!capped && (capture_every_ == 0 || solves_ % capture_every_ != 0)) return;
-  if (last_capture_ > 0 && force.sequence - last_capture_ < ticks_between) return;
-  last_capture_ = force.sequence;
+  if (last_capture_ > 0 && state.tick - last_capture_ < ticks_between) return;
+  last_capture_ = state.tick;
   ContactCapture& c = captures_->back();
   copy_in_use(problem, c.problem);
   c.state = before_;
-  c.X = to_scene(tick_.device(), tick_.state().watchdog.sample.pose);
+  c.X = state.X;
   c.period = 1e-9 * static_cast<double>(options().watchdog.period_ns);
   c.margin = options().contact.margin;
   c.linearisations = options().contact.linearisations;
   c.tolerance = options().contact.coulomb.tolerance;
   c.status = capped ? SolveStatus::iteration_cap : SolveStatus::solved;
-  c.residual = force.residual;
-  c.wrench = tick_.state().solution.wrench;
+  c.residual = state.solution.residual;
+  c.wrench = state.solution.wrench;
   captures_->publish();
 }
 
-void HapticLoop::count(const ForceSample& force) noexcept {
-  statistics_.wake.record(force.wake_ns);
-  if (tick_.state().solved) {
-    statistics_.solve.record(force.solve_ns);
-    raise(statistics_.penetration_max, force.penetration);
+void HapticLoop::count(int i, const ForceSample& force) noexcept {
+  LoopStatistics& s = statistics_[i];
+  const HapticState& state = tick_.state();
+  s.wake.record(force.wake_ns);
+  if (state.in_contact(i)) {
+    s.solve.record(force.solve_ns);
+    raise(s.penetration_max, force.penetration);
   }
-  if (force.problem_age_ns >= 0) statistics_.problem_age.record(force.problem_age_ns);
-  add(statistics_.run, std::uint64_t{1});
+  if (force.problem_age_ns >= 0) s.problem_age.record(force.problem_age_ns);
+  add(s.run, std::uint64_t{1});
   if (force.answers) {
-    statistics_.state_age.record(force.state_age_ns);
-    add(statistics_.answered, std::uint64_t{1});
+    s.state_age.record(force.state_age_ns);
+    add(s.answered, std::uint64_t{1});
   }
-  if (force.status & status_solver_cap) add(statistics_.solver_caps, std::uint64_t{1});
-  statistics_.refused.store(tick_.state().watchdog.refused, relaxed);
-  statistics_.conflicts.store(tick_.state().watchdog.conflicts, relaxed);
-  statistics_.status.store(force.status, relaxed);
-  raise(statistics_.force_peak, force.force.norm());
+  if (force.status & status_solver_cap) add(s.solver_caps, std::uint64_t{1});
+  s.refused.store(state.device[i].watchdog.refused, relaxed);
+  s.conflicts.store(state.device[i].watchdog.conflicts, relaxed);
+  s.status.store(force.status, relaxed);
+  raise(s.force_peak, force.force.norm());
 }
 
 std::int64_t HapticLoop::next_slot(std::int64_t intended) noexcept {
   const std::int64_t period = options().watchdog.period_ns;
   const std::int64_t ended = monotonic_ns();
-  std::int64_t next = intended + period;
+  std::int64_t next = intended + period, missed = 0;
   if (ended > next) {
-    const std::int64_t missed = (ended - next) / period + 1;
-    for (std::int64_t i = 0; i < std::min(missed, max_recorded_misses); ++i) {
-      statistics_.wake.record(ended - next - i * period);
-      if (timing_.mode == LoopMode::tick) statistics_.timer.record(ended - next - i * period);
-    }
+    missed = (ended - next) / period + 1;
     next += missed * period;
-    add(statistics_.deadline_misses, std::uint64_t{1});
-    add(statistics_.missed, static_cast<std::uint64_t>(missed));
   }
-  statistics_.next_ns.store(next, relaxed);
+  for (int i = 0; i < devices(); ++i) {
+    LoopStatistics& s = statistics_[i];
+    for (std::int64_t k = 0; k < std::min(missed, max_recorded_misses); ++k) {
+      const std::int64_t late = ended - next + (missed - k) * period;
+      s.wake.record(late);
+      if (timing_.mode == LoopMode::tick) s.timer.record(late);
+    }
+    if (missed > 0) {
+      add(s.deadline_misses, std::uint64_t{1});
+      add(s.missed, static_cast<std::uint64_t>(missed));
+    }
+    s.next_ns.store(next, relaxed);
+  }
   return next;
 }
 

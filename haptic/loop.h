@@ -1,6 +1,6 @@
-// The haptic loop: the one thread and the one clock of this folder.
+// The haptic loop: the one thread and the one clock of this folder, for all devices of a world.
 //
-//   every 1 ms, or for each state that arrives:  take → haptic_step → write → publish the instrument → count
+//   every 1 ms, or for each state that arrives:  take → haptic_step → write → publish the instruments → count
 //
 // Mode `tick`: the thread wakes `early_ns` before each point of the grid t₀ + k T (clock_nanosleep on
 // CLOCK_MONOTONIC) and reads the clock for the rest, so a timer that is late by less makes no tick late. A
@@ -9,10 +9,11 @@
 // `late_state_ns` from the grid point. A tick that is itself late waits `behind_stall_ns` at least, in the
 // first half of a period, because what held it up also held up the client. Wait and the solve's budget fit
 // in a period.
-// Mode `event`: a tick for each arrival, at least `min_answer_ns` after the previous one. Without arrivals a
-// tick comes 1.5 T after the last arrival's, then each T. A tick's intended time is the arrival, or the end
-// of that wait. The step is told the time since the previous tick, at most T: limits per second stay limits
-// per second. Latencies count from the intended time.
+// Mode `event`: a tick for each arrival at any device, answered at once with the others' newest poses, but at
+// least `min_answer_ns` after that device's previous answer and `min_tick_ns` after another's: one that is
+// flooded holds up no other. Without arrivals a tick comes 1.5 T after the last arrival's, then each T. A
+// tick's intended time is the arrival, or the end of that wait. The step is told the time since the previous
+// tick, at most T: limits per second stay limits per second. Latencies count from the intended time.
 // Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any; the
 // loop's thread alone reads `problems`, writes `instrument`, pushes to `history` and uses the port.
 // Guarantee: between start and stop the thread allocates nothing, takes no lock of its own and logs nothing.
@@ -44,9 +45,11 @@ class DevicePort {
   virtual ~DevicePort() = default;
   // The newest state since the last call, with received_ns set; false: none came.
   virtual bool take(std::int64_t now_ns, DeviceSample& sample) noexcept = 0;
-  // Sleeps until something arrives that the next take will look at, or until `until_ns`: when it arrived, or
+  // Sleeps until something is there that the next take will look at, of this device or of those it wakes for,
+  // and that device's earliest time has come, or until `until_ns`: the later of arrival and earliest time, or
   // 0. Only in mode `event`. May wake without a new state.
-  virtual std::int64_t await(std::int64_t until_ns) noexcept = 0;
+  virtual std::int64_t await(std::int64_t until_ns,
+                             const EachInstrument<std::int64_t>& earliest_ns) noexcept = 0;
   // As of the last take.
   virtual Presence presence() const noexcept = 0;
   virtual void write(const ForceSample& force) noexcept = 0;
@@ -57,7 +60,8 @@ enum class LoopMode : std::uint8_t { tick, event };
 struct LoopTiming {
   LoopMode mode = LoopMode::tick;
   std::int64_t early_ns = 50'000;          // tick: the thread wakes before a grid point; 0: at it
-  std::int64_t min_answer_ns = 500'000;    // event: between two answers
+  std::int64_t min_answer_ns = 500'000;    // event: between two answers of a device
+  std::int64_t min_tick_ns = 100'000;      // event: … of two devices
   std::int64_t late_state_ns = 350'000;    // tick: how long a state that is late is waited for; 0: not at all
   std::int64_t behind_stall_ns = 150'000;  // tick: … at least, by a tick that is late itself
 };
@@ -70,12 +74,20 @@ struct ForceRecord {
   InstrumentInput instrument;
 };
 
+// A device as the loop has it.
+struct LoopDevice {
+  DeviceSettings settings;
+  DevicePort& port;
+  SpscQueue<ForceRecord>& history;
+  Channel<DeviceTuning>* tunings = nullptr;  // new limits and scales, gone over to within a second
+};
+
 class HapticLoop {
  public:
-  // Everything referred to must outlive the loop.
-  HapticLoop(const Instrument& instrument, const DeviceSettings& device, const HapticOptions& options,
-             DevicePort& port, Channel<CondensedProblem>& problems,
-             Channel<InstrumentInput>& instrument_inputs, SpscQueue<ForceRecord>& history,
+  // devices: one an instrument, in their order; in mode `event` the first one's port is waited on, and is to
+  // wake for all. Everything referred to must outlive the loop.
+  HapticLoop(Instruments instruments, const std::vector<LoopDevice>& devices, const HapticOptions& options,
+             Channel<CondensedProblem>& problems, Channel<InstrumentInputs>& instrument_inputs,
              const LoopTiming& timing = {});
   ~HapticLoop();
   HapticLoop(const HapticLoop&) = delete;
@@ -84,10 +96,6 @@ class HapticLoop {
   // Captures solves that ended at a cap, and every `every`-th one (0: none else), at most one in 20 ms, each
   // for about 0.1 ms. Before start; the channel must outlive the loop.
   void capture_into(Channel<ContactCapture>& captures, std::uint64_t every);
-
-  // Takes new limits and scales from the channel, and goes over to them within a second. Before start; the
-  // channel must outlive the loop, which alone reads it.
-  void retune_from(Channel<DeviceTuning>& tunings) noexcept { tunings_ = &tunings; }
 
   // Records what each tick's force came from; what does not fit is dropped and counted by the queue. Before
   // start; the queue must outlive the loop.
@@ -98,7 +106,7 @@ class HapticLoop {
   // Returns after the last tick; the last force written is zero and disarmed. Idempotent.
   void stop() noexcept;
 
-  const LoopStatistics& statistics() const noexcept { return statistics_; }
+  const LoopStatistics& statistics(int device = 0) const noexcept { return statistics_[device]; }
 
  private:
   void run() noexcept;
@@ -108,20 +116,24 @@ class HapticLoop {
   void tick(std::int64_t intended_ns) noexcept;
   std::int64_t waits_until(std::int64_t intended_ns, std::int64_t now_ns) const noexcept;
   void take(std::int64_t intended_ns, HapticInput& input) noexcept;
+  bool take_all(HapticInput& input, bool first) noexcept;
+  void retune() noexcept;
   std::int64_t next_slot(std::int64_t intended_ns) noexcept;
-  void count(const ForceSample& force) noexcept;
-  void capture(const CondensedProblem& problem, const ForceSample& force) noexcept;
-  void count_page_faults(const ForceSample& force) noexcept;
+  void count(int device, const ForceSample& force) noexcept;
+  void capture(const CondensedProblem& problem, const HapticState& state) noexcept;
+  void count_page_faults(bool armed) noexcept;
 
   const HapticOptions& options() const noexcept { return tick_.options(); }
-  std::int64_t solve_by_clock(HapticInput& input, ForceSample& force) noexcept;
-  void record(const HapticInput& input, const ForceSample& force) noexcept;
+  std::int64_t solve_by_clock(HapticInput& input) noexcept;
+  void record(const HapticInput& input) noexcept;
 
-  HapticTick tick_;  // the loop's thread alone uses it
-  DevicePort& port_;
-  Channel<InstrumentInput>& instrument_inputs_;
-  SpscQueue<ForceRecord>& history_;
-  Channel<DeviceTuning>* tunings_ = nullptr;
+  int devices() const noexcept { return static_cast<int>(devices_.size()); }
+  LoopDevice& device(int i) noexcept { return devices_[static_cast<std::size_t>(i)]; }
+
+  std::vector<LoopDevice> devices_;
+  HapticTick tick_;                     // the loop's thread alone uses it
+  EachInstrument<ForceSample> forces_;  // of the newest tick
+  Channel<InstrumentInputs>& instrument_inputs_;
   SpscQueue<TickRecord>* records_ = nullptr;
   std::unique_ptr<TickRecord> record_;  // where `records_` is
   Channel<ContactCapture>* captures_ = nullptr;
@@ -131,9 +143,9 @@ class HapticLoop {
   ContactState before_;             // of this tick's solve, where captures are asked for
   const LoopTiming timing_;
   std::int64_t last_woken_ns_ = 0;
-  int answered_in_a_row_ = 0;        // ticks, as far as it matters
-  std::int64_t faults_before_ = -1;  // of this thread when it was first armed; −1: not yet
-  LoopStatistics statistics_;
+  EachInstrument<int> answered_in_a_row_;  // ticks, as far as it matters
+  std::int64_t faults_before_ = -1;        // of this thread when it was first armed; −1: not yet
+  EachInstrument<LoopStatistics> statistics_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;
 };

@@ -17,8 +17,8 @@ namespace hapticd {
 
 struct PassivityState {
   bool has_pose = false;
-  Pose pose;           // at the previous tick
-  double energy = 0;   // E [J]
+  Pose pose;          // at the previous tick
+  double energy = 0;  // E [J]
 };
 
 // Counts the motion to `pose` under `displayed`, the wrench sent in the previous tick.

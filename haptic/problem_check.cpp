@@ -13,7 +13,7 @@ constexpr double largest_weight = 1e3;
 bool positions_are_sound(const CondensedProblem& p) noexcept {
   for (int n = 0; n < p.nodes; ++n)
     if (!p.x_free[n].allFinite() || !p.x_now[n].allFinite()) return false;
-  return p.X_ref.p.allFinite() && p.X_ref.q.coeffs().allFinite() && std::isfinite(p.alarm_distance);
+  return std::isfinite(p.alarm_distance);
 }
 
 bool is_sound(const PatchSample& s, int nodes) noexcept {
@@ -25,6 +25,11 @@ bool is_sound(const PatchSample& s, int nodes) noexcept {
 }
 
 bool at_least_zero(double x) noexcept { return x >= 0 && std::isfinite(x); }
+
+bool is_sound(const InstrumentReference& i) noexcept {
+  return i.X_ref.p.allFinite() && i.X_ref.q.coeffs().allFinite() && at_least_zero(i.coupling.stiffness) &&
+         at_least_zero(i.coupling.rotational_stiffness) && at_least_zero(i.coupling.damping_time);
+}
 
 bool compliance_is_sound(const CondensedProblem& p) noexcept {
   const auto C = p.C();
@@ -53,9 +58,9 @@ bool is_sound(const CondensedProblem& p) noexcept {
     return false;
   for (int k = 0; k < p.samples; ++k)
     if (!is_sound(p.sample[k], p.nodes)) return false;
-  return positions_are_sound(p) && at_least_zero(p.coupling.stiffness) &&
-         at_least_zero(p.coupling.rotational_stiffness) && at_least_zero(p.coupling.damping_time) &&
-         compliance_is_sound(p);
+  for (const InstrumentReference& i : p.instrument.value)
+    if (!is_sound(i)) return false;
+  return positions_are_sound(p) && at_least_zero(p.instrument_friction) && compliance_is_sound(p);
 }
 
 }  // namespace hapticd

@@ -4,9 +4,9 @@
 //   ‖outward‖ ≤ 1 + 1e-3; coupling ≥ 0
 //   C_ii ≥ 0,  |C_ij − C_ji| ≤ ε,  |C_ij| ≤ √(C_ii C_jj) + ε,  ε = 1e-3 max C_ii
 //
-// The last line is necessary for a compliance, not sufficient (that takes a Cholesky), and bounds what it moves.
-// ε is what approximate compliances may err by; a node that is fixed has C_ii = 0. Guarantee: wait-free, no
-// allocation, O((3 · nodes)² + samples).
+// The last line is necessary for a compliance, not sufficient (that takes a Cholesky), and bounds what it
+// moves. ε is what approximate compliances may err by; a node that is fixed has C_ii = 0. Guarantee:
+// wait-free, no allocation, O((3 · nodes)² + samples).
 #pragma once
 
 #include "physics/contact/condensed_problem.h"

@@ -13,19 +13,23 @@
 
 namespace hapticd {
 
-struct TickFacts {
-  std::int64_t now_ns = 0;  // HapticInput's, as the next four
-  std::int64_t period_ns = 0;
-  Presence presence;
-  bool taken = false;
-  DeviceSample sample;
+// Of one device.
+struct DeviceFacts {
+  DeviceInput input;
   bool retuned = false;  // `tuning` came before this tick
   DeviceTuning tuning;
-  std::uint64_t tick = 0;      // ForceSample::sequence
-  std::uint64_t problem = 0;   // number of the publication in use; 0: none
   Vec3 force = Vec3::Zero();   // the answer, device frame [N]
   Vec3 torque = Vec3::Zero();  // [N·m]
   std::uint32_t status = 0;
+};
+
+struct TickFacts {
+  std::int64_t now_ns = 0;  // HapticInput's, as the next
+  std::int64_t period_ns = 0;
+  std::uint64_t tick = 0;     // ForceSample::sequence
+  std::uint64_t problem = 0;  // number of the publication in use; 0: none
+  int devices = 1;
+  EachInstrument<DeviceFacts> device;
 };
 
 struct ClockAnswers {

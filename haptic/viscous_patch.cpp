@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic/contact_capture.h"
-
 namespace hapticd {
 namespace {
 

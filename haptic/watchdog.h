@@ -44,7 +44,7 @@ enum class Render : std::uint8_t { zero, release, hold, damp, contact };
 struct WatchdogInput {
   std::int64_t now_ns = 0;
   Presence presence;
-  bool taken = false;                // `sample` came since the last tick
+  bool taken = false;  // `sample` came since the last tick
   DeviceSample sample;
   bool has_problem = false;
   std::int64_t problem_published_ns = 0;
@@ -52,18 +52,18 @@ struct WatchdogInput {
 
 struct WatchdogState {
   bool has_sample = false;
-  DeviceSample sample;               // newest valid one
-  Vec3 velocity = Vec3::Zero();      // of the device, low-passed, at most max_speed [m/s]
-  std::int64_t last_tick_ns = 0;     // 0: none yet
-  bool may_arm = false;              // an edge or a new client was seen and not used yet
+  DeviceSample sample;            // newest valid one
+  Vec3 velocity = Vec3::Zero();   // of the device, low-passed, at most max_speed [m/s]
+  std::int64_t last_tick_ns = 0;  // 0: none yet
+  bool may_arm = false;           // an edge or a new client was seen and not used yet
   bool armed = false;
   bool latched_by_refusals = false;
   bool latched_by_force = false;
-  bool rival = false;                // heard in the newest tick
+  bool rival = false;  // heard in the newest tick
   bool latched_by_rival = false;
-  std::int64_t rival_since_ns = 0;   // when that latch fell
+  std::int64_t rival_since_ns = 0;  // when that latch fell
   int refusals_in_a_row = 0;
-  std::uint64_t refused = 0;         // since the beginning
+  std::uint64_t refused = 0;  // since the beginning
   std::uint64_t conflicts = 0;
   std::int64_t conflict_until_ns = 0;
   double gain = 0;
@@ -71,7 +71,7 @@ struct WatchdogState {
 
 struct Verdict {
   Render render = Render::zero;
-  double gain = 0;                   // 0 … 1
+  double gain = 0;  // 0 … 1
   std::uint32_t status = status_disarmed;
   Refusal refusal = Refusal::none;
   bool answers = false;              // a valid state came with this tick

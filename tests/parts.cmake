@@ -5,8 +5,9 @@ set(PHYSICS ${PROJECT_SOURCE_DIR}/physics)
 file(GLOB reader_sources CONFIGURE_DEPENDS ${SERVER}/mesh/mesh_re*.cpp)
 list(APPEND reader_sources
      ${SERVER}/files/yaml_keys.cpp ${SERVER}/scene/device_reader.cpp ${SERVER}/scene/scene_reader.cpp
-     ${SERVER}/scene/scene_bodies.cpp ${SERVER}/record/trajectory.cpp ${SERVER}/record/trajectory_reader.cpp
+     ${SERVER}/scene/scene_bodies.cpp ${SERVER}/scene/scene_instruments.cpp
+     ${SERVER}/record/trajectory.cpp ${SERVER}/record/trajectory_reader.cpp
      ${SERVER}/record/bag_reader.cpp ${SERVER}/record/ros2_messages.cpp
      ${PHYSICS}/tissue/surface.cpp ${PHYSICS}/tissue/mesh_quality.cpp)
 file(GLOB tick_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/haptic/*.cpp ${PHYSICS}/contact/*.cpp
-     ${PHYSICS}/contact/solver/*.cpp)
+     ${PHYSICS}/contact/distance/*.cpp ${PHYSICS}/contact/solver/*.cpp)

@@ -1,14 +1,14 @@
 // The condensed contact problem: what the simulation publishes and the haptic thread re-solves.
 //
-//   δ = W λ + δ_free,   W = H C_pp Hᵀ + J K_vc⁻¹ Jᵀ,   0 ≤ δ_n ⟂ λ_n ≥ 0,   ‖λ_t‖ ≤ μ λ_n
+//   δ = W λ + δ_free,   W = H C_pp Hᵀ + Σ_i J_i K_i⁻¹ J_iᵀ,   0 ≤ δ_n ⟂ λ_n ≥ 0,   ‖λ_t‖ ≤ μ λ_n
 //
-// It carries the *patch* of tissue surface within the instrument's reach: patch nodes, the
+// It carries the *patch* of tissue surface within the instruments' reach: patch nodes, the
 // compliance C_pp between them, their free positions (where they would be at the end of the step
 // without contact) and present positions, and fixed material sample points on the patch's triangles.
 // Rows H, J are built from it by `build_rows` (rows.h), the same pure function on either side.
 //
 // Units: m, N, m/N. Shapes: C_pp is (3·nodes)×(3·nodes), column-major, node-wise interleaved x,y,z,
-// leading dimension `3 * nodes`. Fixed capacity: this is a plain value of ~1 MB that is written in
+// leading dimension `3 * nodes`. Fixed capacity: this is a plain value of ~3 MB that is written in
 // place in a channel slot; no pointer, no heap.
 // Source: the paper, eq. (2) and Fig. 2; departure: the paper publishes rows frozen for a step, here
 // they can be renewed each haptic tick (`Renewal`).
@@ -17,11 +17,13 @@
 #include <array>
 #include <cstdint>
 
+#include "physics/contact/instruments.h"
 #include "physics/types.h"
 
 namespace hapticd {
 
-inline constexpr int max_patch_nodes = 96;
+inline constexpr int max_patch_nodes = 192;
+inline constexpr int max_nodes_of_instrument = 96;  // of them, that one instrument fills
 inline constexpr int max_patch_samples = 2048;
 inline constexpr int max_contacts = 100;
 inline constexpr int max_rows = 3 * max_contacts;
@@ -36,37 +38,47 @@ struct PatchSample {
   std::array<std::int32_t, 3> node;  // into the patch's nodes; −1: fixed obstacle
   std::array<double, 3> weight;      // barycentric, sums to 1
   Vec3 free;                         // fixed obstacle: its place; else unused [m]
-  Vec3 outward;                      // outward unit normal of the tissue at the sample
+  Vec3 outward;                      // outward unit normal of the tissue at the sample, at x_now
   double friction;                   // Coulomb μ against the instrument; 0: frictionless
 };
 
 // 6-DoF virtual coupling between device and (massless) instrument; diagonal in world axes.
 //   W gets J K_eff⁻¹ Jᵀ with K_eff = K + B/T, B = damping_time · K   (T the caller's period)
 struct VirtualCoupling {
-  double stiffness = 0;           // [N/m]
+  double stiffness = 0;             // [N/m]
   double rotational_stiffness = 0;  // [N·m/rad]
-  double damping_time = 0;        // B/K [s]
+  double damping_time = 0;          // B/K [s]
+};
+
+// One instrument, as the problem was made.
+struct InstrumentReference {
+  Pose X_ref;  // the patch was gathered (and rows frozen) at
+  VirtualCoupling coupling;
 };
 
 struct CondensedProblem {
-  std::uint64_t step = 0;          // number of the publication, one to four a simulation step; 0: none yet
-  std::int64_t published_ns = 0;   // CLOCK_MONOTONIC at publication, set by the publisher
-  Pose X_ref;                      // instrument pose the patch was gathered (and rows frozen) at
+  std::uint64_t step = 0;         // number of the publication, one to four a simulation step; 0: none yet
+  std::int64_t published_ns = 0;  // CLOCK_MONOTONIC at publication, set by the publisher
+  EachInstrument<InstrumentReference> instrument;
   Renewal renewal = Renewal::renewed;
   bool topology_changed = false;   // elements were removed since the previous problem
   double alarm_distance = 0;       // rows exist for gaps below this [m]
-  VirtualCoupling coupling;
+  double instrument_friction = 0;  // Coulomb μ between two instruments
 
   int nodes = 0;
   int samples = 0;
-  int dropped_samples = 0;         // did not fit max_patch_samples (nearest are kept)
-  std::array<Vec3, max_patch_nodes> x_free;     // [m]
-  std::array<Vec3, max_patch_nodes> x_now;      // at the begin of the step, or where an interim problem begins [m]
-  std::array<PatchSample, max_patch_samples> sample;  // sorted by id
+  int dropped_samples = 0;                   // did not fit max_patch_samples (nearest are kept)
+  std::array<Vec3, max_patch_nodes> x_free;  // [m]
+  std::array<Vec3, max_patch_nodes>
+      x_now;  // at the begin of the step, or where an interim problem begins [m]
+  std::array<PatchSample, max_patch_samples> sample;                            // sorted by id
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
 
   Eigen::Map<const MatX> C() const noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
   Eigen::Map<MatX> C() noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
 };
+
+// The parts of a problem that are in use.
+void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept;
 
 }  // namespace hapticd

@@ -7,7 +7,8 @@ namespace hapticd {
 namespace {
 
 bool in_order(const ContactCandidate& a, const ContactCandidate& b) noexcept {
-  return a.sample != b.sample ? a.sample < b.sample : a.primitive < b.primitive;
+  if (a.sample != b.sample) return a.sample < b.sample;
+  return a.instrument != b.instrument ? a.instrument < b.instrument : a.primitive < b.primitive;
 }
 
 bool deeper(const ContactCandidate& a, const ContactCandidate& b) noexcept {
@@ -15,8 +16,8 @@ bool deeper(const ContactCandidate& a, const ContactCandidate& b) noexcept {
 }
 
 int overlapping(std::span<const ContactCandidate> candidate) noexcept {
-  return static_cast<int>(std::count_if(candidate.begin(), candidate.end(),
-                                        [](const ContactCandidate& c) { return c.gap < 0; }));
+  return static_cast<int>(
+      std::count_if(candidate.begin(), candidate.end(), [](const ContactCandidate& c) { return c.gap < 0; }));
 }
 
 }  // namespace

@@ -6,8 +6,8 @@
 //      of every face, and so on; within a round by gap
 //
 // A flat face has three normal freedoms, so its further samples add little that a fourth contact elsewhere
-// would not. Ties go to the lower sample index, then primitive, so the choice is a function of the set alone.
-// Units: m. Guarantee: wait-free, no allocation, O(n log n).
+// would not. Ties go to the lower sample index, then instrument, then primitive, so the choice is a function
+// of the set alone. Units: m. Guarantee: wait-free, no allocation, O(n log n).
 #pragma once
 
 #include <cstdint>
@@ -20,10 +20,11 @@ struct ContactCandidate {
   int sample;
   std::uint32_t face;  // equal for the samples of one face, and for no others
   int primitive = 0;   // of the instrument
+  int instrument = 0;
 };
 
-// Moves the chosen ones to the front, by sample index and primitive; returns how many of the others overlap (gap < 0).
-// Contract: capacity ≤ candidates; those of one face are adjacent.
+// Moves the chosen ones to the front, by sample index, instrument and primitive; returns how many of the
+// others overlap (gap < 0). Contract: capacity ≤ candidates; those of one face are adjacent.
 int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcept;
 
 // The same for the `count` deepest alone; count < candidates.

@@ -1,17 +1,20 @@
-// Coupling: it enters W as J K_eff⁻¹ Jᵀ, and the free instrument pose is X_device ⊖ K_eff⁻¹ (B/T) e_prev. Virtual
-// work fixes the wrench's sign.
+// Missed contacts: what no row holds may spring through the instrument, where normals point out on its wrong
+// side. So a solve that leaves a sample deeper than `margin`, or one that was nearer than `margin` at all
+// inside, is repeated at its own linearisation with that sample's rows.
 //
-// Missed contacts: what no row holds may spring through the instrument, where normals point out on its wrong side.
-// So a solve that leaves a sample deeper than `margin`, or one that was nearer than `margin` at all inside, is
-// repeated at its own linearisation with that sample's rows.
+// Sticking is judged by slip, ‖δ_t‖ ≤ 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below
+// that adds up until it shows. An anchor that stays keeps holding still from creeping.
 //
-// Sticking is judged by slip, ‖δ_t‖ ≤ 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below that
-// adds up until it shows. An anchor that stays keeps holding still from creeping.
+// Unfinished solves: Newton's unfinished steps may be anything, and friction would remember them. So a solve
+// with friction that ends at a cap or its deadline goes back to where it began, and takes turns of what nears
+// the solution from wherever it starts: normal forces for the friction there is (lcp.h), then sweeps. It
+// would end there again in the next tick: until turns alone solve one, or 200 were usable, solves have one
+// linearisation and take their turns first; with time left, the whole solver. What they reach is remembered,
+// usable or not.
 //
-// Resumed solves: where one with friction ends at a cap or its deadline, Newton's unfinished steps may be anything,
-// and it would end there again in the next tick. So until turns alone solve one, or 200 were usable, solves have one
-// linearisation and take turns of what nears the solution from wherever it starts: normal forces for the friction
-// there is (lcp.h), then sweeps; with time left, the whole solver. What they reach is remembered, usable or not.
+// Linearisations: only about a solution. About what solves nothing the rows would be of any place, and a
+// solve of those rows no solution here, whatever its residual. So the first takes the time that it needs, a
+// later one that ends unusable is left out, and the status says so.
 #include "physics/contact/contact_solve.h"
 
 #include <algorithm>
@@ -19,6 +22,7 @@
 
 #include "physics/contact/contact_pairs.h"
 #include "physics/contact/missed_contact.h"
+#include "physics/contact/placed_instruments.h"
 
 namespace hapticd {
 namespace {
@@ -26,7 +30,10 @@ namespace {
 constexpr int most_returns = 3;      // to a linearisation whose solve let tissue through
 constexpr int solves_resumed = 200;  // after one that ended unusable
 constexpr double doubtful = 0.01;    // of the usable residual: Newton's sum of forces is not to be trusted
-constexpr int turns_resumed = 8;     // at most, of normal forces and sweeps
+constexpr int first_turns =
+    3;  // of a resumed solve, of normal forces and sweeps; more would leave Newton no time
+constexpr int most_turns = 8;      // where the whole solver has not ended
+constexpr int share_of_turns = 4;  // one part of so many of the time left, where the whole solver goes first
 constexpr int sweeps_in_a_turn = 2;  // more, and the solver would try from zero
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
@@ -44,7 +51,7 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
   const int m = scratch.rows.rows_per_contact;
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const ContactRow& row = scratch.rows.row[i];
-    const ContactMemory::Entry* known = memory.find(row.id, row.primitive);
+    const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive);
     const Vec3 l = known ? Vec3(row.frame.transpose() * known->lambda) : Vec3::Zero();
     for (int c = 0; c < m; ++c) scratch.lambda[m * i + c] = l[c];
     scratch.active[i] = l[0] > 0;
@@ -84,72 +91,85 @@ void solve_normals(const ContactOptions& options, ContactScratch& scratch) noexc
   }
 }
 
-void resume(const ContactOptions& options, ContactScratch& scratch, ContactSolution& out) noexcept {
+// Friction rows of `scratch`, by the Coulomb solver.
+void solve_friction(const CoulombOptions& options, ContactScratch& scratch, ContactSolution& out) noexcept {
   const ContactRows& rows = scratch.rows;
   Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
   const std::span<const double> mu{scratch.mu.data(), static_cast<std::size_t>(rows.contacts)};
-  CoulombOptions whole = options.coulomb;
-  whole.deadline = options.deadline;
-  CoulombOptions sweeps = whole;
-  sweeps.max_newton = 0;
-  sweeps.max_sweeps = std::min(sweeps_in_a_turn, sweeps.max_sweeps);
-  const auto solve = [&](const CoulombOptions& o) {
-    const CoulombResult r =
-        solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, o);
-    out.status = r.status;
-    out.residual = r.residual;
-    out.near = out.near || r.sweeps > 0;
-    return r.status == SolveStatus::solved || r.status == SolveStatus::not_finite;
-  };
-  for (int turn = 0; turn < turns_resumed; ++turn) {
-    if (!options.deadline.passed()) solve_normals(options, scratch);
-    if (solve(sweeps) || options.deadline.passed()) return;
-  }
-  // With time left, the whole solver; what the turns reached stays if that does not end.
-  const ContactSolution reached = out;
-  std::copy_n(scratch.lambda.begin(), rows.rows(), scratch.resumed_lambda.begin());
-  if (solve(whole)) {
-    out.laboured = true;
-    return;
-  }
-  std::copy_n(scratch.resumed_lambda.begin(), rows.rows(), scratch.lambda.begin());
-  out = reached;
+  const CoulombResult r =
+      solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, options);
+  out.status = r.status;
+  out.residual = r.residual;
+  out.near = out.near || (options.max_newton == 0 && r.sweeps > 0);
 }
 
-// later: linearisations after this one.
-void solve_rows(const ContactOptions& options, int later, bool resumed, ContactScratch& scratch,
+bool ended(const ContactSolution& out) noexcept {
+  return out.status == SolveStatus::solved || out.status == SolveStatus::not_finite;
+}
+
+// Normal forces and sweeps; true if that solves it.
+bool take_turns(const ContactOptions& options, int turns, ContactScratch& scratch,
+                ContactSolution& out) noexcept {
+  CoulombOptions sweeps = options.coulomb;
+  sweeps.deadline = options.deadline;
+  sweeps.max_newton = 0;
+  sweeps.max_sweeps = std::min(sweeps_in_a_turn, sweeps.max_sweeps);
+  for (int turn = 0; turn < turns; ++turn) {
+    if (!options.deadline.passed()) solve_normals(options, scratch);
+    solve_friction(sweeps, scratch, out);
+    if (ended(out) || options.deadline.passed()) break;
+  }
+  return ended(out);
+}
+
+// The whole solver, with all but this part of the time; if that does not end, more turns from where it began.
+void solve_whole(const ContactOptions& options, std::int64_t reserve_ns, ContactScratch& scratch,
+                 ContactSolution& out) noexcept {
+  const ContactSolution before = out;
+  const int rows = scratch.rows.rows();
+  std::copy_n(scratch.lambda.begin(), rows, scratch.resumed_lambda.begin());
+  CoulombOptions whole = options.coulomb;
+  whole.deadline = options.deadline;
+  whole.deadline.reserve_ns += reserve_ns;
+  solve_friction(whole, scratch, out);
+  if (ended(out) || (!before.near && !(out.residual > doubtful * options.usable_residual))) return;
+  std::copy_n(scratch.resumed_lambda.begin(), rows, scratch.lambda.begin());
+  if (before.near) out = before;
+  if (!before.near || !options.deadline.passed()) take_turns(options, most_turns, scratch, out);
+}
+
+void solve_rows(const ContactOptions& options, bool resumed, ContactScratch& scratch,
                 ContactSolution& out) noexcept {
   const Within solve(options.times, ContactPart::solve);
-  Deadline deadline = options.deadline;
-  if (deadline.bounded() && later > 0) deadline.reserve_ns += std::max<std::int64_t>(0, deadline.left() / 2);
   const ContactRows& rows = scratch.rows;
-  const auto contacts = static_cast<std::size_t>(rows.contacts);
-  Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
   if (rows.rows_per_contact == 1) {
     LcpOptions lcp = options.lcp;
-    lcp.deadline = deadline;
+    lcp.deadline = options.deadline;
+    const auto contacts = static_cast<std::size_t>(rows.contacts);
+    Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
     const LcpResult r = solve_lcp(rows.W(), rows.q(), lambda, {scratch.active.data(), contacts}, scratch.lcp,
                                   scratch.matrix_version, lcp);
     out.status = r.status;
     out.residual = r.residual;
-  } else if (resumed) {
-    resume(options, scratch, out);
-  } else {
-    CoulombOptions coulomb = options.coulomb;
-    coulomb.deadline = deadline;
-    const CoulombResult r = solve_coulomb(rows.W(), rows.q(), {scratch.mu.data(), contacts}, lambda,
-                                          scratch.coulomb, scratch.matrix_version, coulomb);
-    out.status = r.status;
-    out.residual = r.residual;
+  } else if (!resumed) {
+    const std::int64_t kept =
+        options.deadline.bounded() ? std::max<std::int64_t>(0, options.deadline.left() / share_of_turns) : 0;
+    solve_whole(options, kept, scratch, out);
+  } else if (!take_turns(options, first_turns, scratch, out) && !options.deadline.passed()) {
+    solve_whole(options, 0, scratch, out);
+    out.laboured = ended(out);
   }
 }
 
 // λ in world axes, and the anchors that the rows were built with.
-void remember_linearisation(ContactScratch& scratch) noexcept {
-  scratch.working.count = scratch.rows.contacts;
+void remember_linearisation(const ContactScratch& scratch, ContactMemory& memory) noexcept {
+  memory.count = scratch.rows.contacts;
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const ContactRow& row = scratch.rows.row[i];
-    scratch.working.entry[i] = {row.id, row.frame * local_lambda(scratch, i), row.anchor, false, row.primitive};
+    memory.entry[i] = {row.id,          row.frame * local_lambda(scratch, i),
+                       row.anchor,      false,
+                       row.primitive,   row.instrument,
+                       row.other_anchor};
   }
 }
 
@@ -167,18 +187,24 @@ bool sticks(const ContactScratch& scratch, int i) noexcept {
   return slip.norm() <= sticking_slip * W.block<3, 3>(3 * i, 3 * i).trace() / 3 * l.norm();
 }
 
-// Memory of the solve for the next one. `place` gives a sample's place in the instrument's frame.
+// Memory of the solve for the next one. `place` gives a sample's place in the instrument's frame. X_lin: of
+// the rows; where two instruments slide on one another the next slip counts from where they were nearest.
 template <typename Place>
-void remember_solve(const CondensedProblem& problem, ContactScratch& scratch, ContactMemory& memory,
-                    const Place& place) noexcept {
-  remember_linearisation(scratch);
+void remember_solve(const CondensedProblem& problem, const InstrumentPoses& X_lin,
+                    const ContactScratch& scratch, ContactMemory& memory, const Place& place) noexcept {
+  remember_linearisation(scratch, memory);
   for (int i = 0; i < scratch.rows.contacts; ++i) {
-    ContactMemory::Entry& e = scratch.working.entry[i];
+    ContactMemory::Entry& e = memory.entry[i];
     e.sticking = sticks(scratch, i);
     const ContactRow& row = scratch.rows.row[i];
-    if (!e.sticking) e.anchor = place(row, sample_position(problem, scratch.x, row.sample));
+    if (e.sticking) continue;
+    if (row.other < 0) {
+      e.anchor = place(row, sample_position(problem, scratch.x, row.sample));
+    } else {
+      e.anchor = X_lin[row.instrument].q.conjugate() * row.arm;
+      e.other_anchor = X_lin[row.other].q.conjugate() * row.other_arm;
+    }
   }
-  memory = scratch.working;
 }
 
 // Whether it is to be remembered.
@@ -186,55 +212,75 @@ bool serves(const ContactOptions& options, const ContactSolution& out) noexcept 
   return out.near || out.status == SolveStatus::solved || out.residual <= options.usable_residual;
 }
 
-void solve_frozen(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
-                  const Vec6& K_inv, double margin, const ContactOptions& options, ContactState& state,
-                  ContactScratch& scratch, ContactSolution& out) noexcept {
-  if (problem.step == 0 || state.frozen_step != problem.step || scratch.matrix_version == 0) {
-    build_rows(problem, instrument, problem.X_ref, problem.X_ref, problem.x_now, K_inv, state.memory, margin,
+// The poses that the problem was gathered at, of those present.
+InstrumentPoses reference_poses(const CondensedProblem& problem, const InstrumentPoses& present) noexcept {
+  InstrumentPoses X = present;
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i]) X[i] = problem.instrument[i].X_ref;
+  return X;
+}
+
+void solve_frozen(const CondensedProblem& problem, Instruments instruments, const CouplingStart& start,
+                  double margin, const ContactOptions& options, ContactState& state, ContactScratch& scratch,
+                  ContactSolution& out) noexcept {
+  const InstrumentPoses X_ref = reference_poses(problem, start.X_free);
+  if (problem.step == 0 || state.frozen_step != problem.step || scratch.matrix_version == 0 ||
+      state.frozen_present.value != start.X_free.present.value) {
+    build_rows(problem, instruments, X_ref, X_ref, problem.x_now, start.K_inv, state.memory, margin,
                scratch.rows, nullptr, options.times);
     ++scratch.matrix_version;
     state.frozen_step = problem.step;
+    state.frozen_present = start.X_free.present;
   }
-  shift_rows(problem, problem.X_ref, X_free, state.memory, scratch.rows);
+  shift_rows(problem, X_ref, start.X_free, state.memory, scratch.rows);
   warm_start(state.memory, scratch);
-  solve_rows(options, 0, state.resumed > 0, scratch, out);
+  solve_rows(options, state.resumed > 0, scratch, out);
   displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
-  out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
-  out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
+  out.wrench = wrench_on_instruments(scratch.rows, solved(scratch));
+  out.instrument = placed_by(start, out.wrench);
   // Anchors in the frozen rows' own linear kinematics, or a pose held still would seem to slip.
-  const Vec6 moved = difference(out.instrument, problem.X_ref);
+  const EachInstrument<Vec6> moved = difference(out.instrument, X_ref);
   if (serves(options, out))
-    remember_solve(problem, scratch, state.memory, [&](const ContactRow& row, const Vec3& s) {
-      return problem.X_ref.to_local(s - moved.head<3>() - moved.tail<3>().cross(row.arm));
+    remember_solve(problem, X_ref, scratch, state.memory, [&](const ContactRow& row, const Vec3& s) {
+      const Vec6& d = moved[row.instrument];
+      return X_ref[row.instrument].to_local(s - d.head<3>() - d.tail<3>().cross(row.arm));
     });
 }
 
-void solve_renewed(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
-                   const Pose& X_start, const Vec6& K_inv, double margin, const ContactOptions& options,
-                   ContactState& state, ContactScratch& scratch, ContactSolution& out) noexcept {
+void solve_renewed(const CondensedProblem& problem, Instruments instruments, const CouplingStart& start,
+                   double margin, const ContactOptions& options, ContactState& state, ContactScratch& scratch,
+                   ContactSolution& out) noexcept {
   scratch.working = state.memory;
   displaced_patch(problem, state.memory, scratch.x);
-  out.instrument = X_start;
+  out.instrument = start.X_start;
   const int linearisations = state.resumed > 0 ? 1 : std::max(1, options.linearisations);
   const double activation =
       options.activation_distance > 0 ? std::min(options.activation_distance, margin) : margin;
   PatchPositions x_lin;
-  Pose X_lin;
+  InstrumentPoses X_lin;
   const auto build = [&](const Reached* reached) {
-    build_rows(problem, instrument, X_free, X_lin, x_lin, K_inv, scratch.working, activation, scratch.rows,
-               reached, options.times);
+    build_rows(problem, instruments, start.X_free, X_lin, x_lin, start.K_inv, scratch.working, activation,
+               scratch.rows, reached, options.times);
     ++scratch.matrix_version;
   };
   // False if the solver met no number.
-  const auto solve = [&](int later) {
+  const auto solve = [&] {
     warm_start(scratch.working, scratch);
-    solve_rows(options, later, state.resumed > 0, scratch, out);
+    solve_rows(options, state.resumed > 0, scratch, out);
     if (out.status == SolveStatus::not_finite) return false;
     displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
-    out.wrench = wrench_on_instrument(scratch.rows, solved(scratch));
-    out.instrument = displaced(X_free, K_inv.cwiseProduct(out.wrench));
-    remember_linearisation(scratch);
+    out.wrench = wrench_on_instruments(scratch.rows, solved(scratch));
+    out.instrument = placed_by(start, out.wrench);
+    remember_linearisation(scratch, scratch.working);
     return true;
+  };
+  const auto remember = [&](ContactMemory& memory) {
+    remember_solve(problem, X_lin, scratch, memory, [&](const ContactRow& row, const Vec3& s) {
+      return out.instrument[row.instrument].to_local(s);
+    });
+  };
+  const auto usable = [&] {
+    return out.status == SolveStatus::solved || out.residual <= options.usable_residual;
   };
   for (int k = 0; k < linearisations; ++k) {
     if (k > 0 && options.deadline.passed()) {
@@ -243,32 +289,47 @@ void solve_renewed(const CondensedProblem& problem, const Instrument& instrument
     }
     x_lin = scratch.x;
     X_lin = out.instrument;
+    const ContactSolution before = out;
     build(nullptr);
-    if (!solve(linearisations - 1 - k)) return;
-    for (int again = 0; again < most_returns && !options.deadline.passed(); ++again) {
+    if (!solve()) return;
+    for (int again = 0; again < most_returns && usable() && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
-      if (!violates_inactive_contact(problem, instrument, X_lin, x_lin, activation, margin, end)) break;
+      if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin, end)) break;
       build(&end);
-      if (!solve(linearisations - 1 - k)) return;
+      if (!solve()) return;
     }
+    if (!usable()) {
+      if (k == 0) break;
+      // It is left out.
+      const SolveStatus status = out.status;
+      out = before;
+      out.status = status;
+      scratch.x = x_lin;
+      state.memory = scratch.kept;
+      warm_start(state.memory, scratch);
+      return;
+    }
+    if (k + 1 < linearisations) remember(scratch.kept);
   }
-  if (serves(options, out))
-    remember_solve(problem, scratch, state.memory,
-                   [&](const ContactRow&, const Vec3& s) { return out.instrument.to_local(s); });
+  if (serves(options, out)) remember(state.memory);
 }
 
-double deepest_overlap(const CondensedProblem& problem, const Instrument& instrument, const Pose& X,
+// Of one instrument. held: by rows of it.
+double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
                        const ContactScratch& scratch, double& lost) noexcept {
   double deepest = 0;
   const ContactRows& rows = scratch.rows;
-  int row = 0;  // rows are by sample, then primitive
-  lost = 0;
-  const PlacedInstrument placed(instrument, X);
+  int tissue = rows.contacts;
+  while (tissue > 0 && rows.row[tissue - 1].other >= 0) --tissue;
+  int row = 0;  // rows are by sample, then instrument, then primitive; those without tissue come last
   for (int k = 0; k < problem.samples; ++k) {
     const Vec3 s = sample_position(problem, scratch.x, k);
-    while (row < rows.contacts && rows.row[row].sample < k) ++row;
+    const auto before = [&](const ContactRow& r) {
+      return r.sample != k ? r.sample < k : r.instrument < instrument;
+    };
+    while (row < tissue && before(rows.row[row])) ++row;
     int end = row;
-    while (end < rows.contacts && rows.row[end].sample == k) ++end;
+    while (end < tissue && rows.row[end].sample == k && rows.row[end].instrument == instrument) ++end;
     const bool all_held = end - row == static_cast<int>(placed.primitives());
     if (!placed.near(s, all_held ? -deepest : -lost)) continue;
     const double overlap = -placed.gap(s).distance;
@@ -286,49 +347,38 @@ double deepest_overlap(const CondensedProblem& problem, const Instrument& instru
 
 }  // namespace
 
-Vec6 inverse_stiffness(const VirtualCoupling& coupling, double period) noexcept {
-  const double damped = 1 + coupling.damping_time / period;
-  Vec6 K_inv;
-  K_inv.head<3>().setConstant(coupling.stiffness > 0 ? 1 / (coupling.stiffness * damped) : 0);
-  K_inv.tail<3>().setConstant(coupling.rotational_stiffness > 0 ? 1 / (coupling.rotational_stiffness * damped)
-                                                                : 0);
-  return K_inv;
-}
-
-ContactSolution solve_contact(const CondensedProblem& problem, const Instrument& instrument,
-                              const Pose& X_device, double period, const ContactOptions& options,
+ContactSolution solve_contact(const CondensedProblem& problem, Instruments instruments,
+                              const InstrumentPoses& X_device, double period, const ContactOptions& options,
                               ContactState& state, ContactScratch& scratch) noexcept {
-  const Vec6 K_inv = inverse_stiffness(problem.coupling, period);
-  // K_eff⁻¹ (B/T) e_prev: the part of the last offset that the coupling's damper still holds.
-  const double lag = problem.coupling.damping_time / (period + problem.coupling.damping_time);
-  Vec6 activation = lag * state.coupling_offset;
-  Vec6 offset = state.coupling_offset;
-  for (int c = 0; c < 6; ++c)
-    if (K_inv[c] == 0) activation[c] = offset[c] = 0;
-  const Pose X_free = displaced(X_device, -activation);
+  const CouplingStart start = start_coupling(problem, X_device, period, state.coupling_offset);
   const double margin = options.margin > 0 ? options.margin : problem.alarm_distance;
 
   ContactSolution out;
-  if (problem.renewal == Renewal::frozen) {
-    solve_frozen(problem, instrument, X_free, K_inv, margin, options, state, scratch, out);
-  } else {
-    solve_renewed(problem, instrument, X_free, displaced(X_device, -offset), K_inv, margin, options, state,
-                  scratch, out);
-  }
+  if (problem.renewal == Renewal::frozen)
+    solve_frozen(problem, instruments, start, margin, options, state, scratch, out);
+  else
+    solve_renewed(problem, instruments, start, margin, options, state, scratch, out);
   out.contacts = scratch.rows.contacts;
   out.dropped = scratch.rows.dropped;
   // A pose that is not finite selects no rows and solves nothing, but would spoil the coupling's memory.
-  if (out.status == SolveStatus::not_finite || !out.wrench.allFinite() || !X_device.p.allFinite() ||
-      !X_device.q.coeffs().allFinite()) {
+  bool finite = out.status != SolveStatus::not_finite;
+  for (int i = 0; i < max_instruments; ++i)
+    finite = finite && out.wrench[i].allFinite() &&
+             (!X_device.present[i] || (X_device[i].p.allFinite() && X_device[i].q.coeffs().allFinite()));
+  if (!finite) {
     state = ContactState{};
     std::fill(scratch.lambda.begin(), scratch.lambda.end(), 0.0);
     out.status = SolveStatus::not_finite;
-    out.wrench.setZero();
-    out.instrument = X_free;
+    out.wrench = {};
+    out.instrument = start.X_free;
     return out;
   }
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
-  out.penetration = deepest_overlap(problem, instrument, out.instrument, scratch, out.lost);
+  const PlacedInstruments placed(instruments, out.instrument);
+  for (int i = 0; i < instruments.count(); ++i)
+    if (placed.at(i))
+      out.penetration =
+          std::max(out.penetration, deepest_overlap(problem, *placed.at(i), i, scratch, out.lost));
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;
   else if (state.resumed > 0 && out.residual <= options.usable_residual)
@@ -336,9 +386,7 @@ ContactSolution solve_contact(const CondensedProblem& problem, const Instrument&
   else if (out.residual > doubtful * options.usable_residual)
     state.resumed = solves_resumed;
   if (!serves(options, out)) return out;
-  state.coupling_offset = difference(X_device, out.instrument);
-  for (int c = 0; c < 6; ++c)
-    if (K_inv[c] == 0) state.coupling_offset[c] = 0;
+  state.coupling_offset = coupling_offset(X_device, out.instrument, start.K_inv);
   return out;
 }
 

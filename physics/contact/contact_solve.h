@@ -1,4 +1,4 @@
-// One contact solve at a device pose: linearise, solve, renew, solve again. Both loops call it.
+// One contact solve at the devices' poses: linearise, solve, renew, solve again. Both loops call it.
 //
 //   repeat `linearisations` times:
 //     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
@@ -10,16 +10,17 @@
 // primitive, else at x_now (rows.h). If the solution violates a sample that has no row, that sample becomes a
 // row and the problem is solved again, at most three times (missed_contact.h).
 // Renewal::frozen: rows once at problem.X_ref and x_now, one solve, as in the paper; renewed: in each
-// linearisation. Friction: a contact that sticks keeps its anchor, one that slides takes a new one. A solve that
-// ended unusable is resumed by the next tick (`near`: the wrench is right to some percent).
-// Units: N, N·m. Errors: by status; after `not_finite` force and memory are zero and the proxy is at the free
-// pose; a linearisation without time is left out, and the status says so. Guarantee: no allocation, wait-free,
-// bounded by 4 linearisations × (rows + solver's bound); 128 kB of stack.
-// Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
+// linearisation. Friction: a contact that sticks keeps its anchor, one that slides takes a new one. A solve
+// that ended unusable is resumed by the next tick (`near`: the wrench is right to some percent). Nothing is
+// linearised about an unusable solve. Units: N, N·m. Errors: by status; after `not_finite` force and memory
+// are zero and the proxy is at the free pose; a linearisation without time is left out, and the status says
+// so. Guarantee: no allocation, wait-free, bounded by 4 linearisations × (rows + solver's bound); 128 kB of
+// stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 
 #include "physics/contact/rows.h"
 #include "physics/contact/solver/coulomb.h"
+#include "physics/contact/virtual_coupling.h"
 
 namespace hapticd {
 
@@ -32,9 +33,10 @@ struct ContactOptions {
   double activation_distance = 0;
   LcpOptions lcp;
   CoulombOptions coulomb;
-  // A solve that ended at a cap with a larger residual leaves memory and coupling as they were, unless resumed.
+  // A solve that ended at a cap with a larger residual leaves memory and coupling as they were, unless
+  // resumed.
   double usable_residual = std::numeric_limits<double>::infinity();
-  Deadline deadline;  // of the whole solve; half of what is left is kept for the linearisations to come
+  Deadline deadline;  // of the whole solve; the linearisations to come have what the first one leaves
   PartTimes* times = nullptr;
 };
 
@@ -42,15 +44,17 @@ struct ContactOptions {
 // state's rows live in that scratch.
 struct ContactState {
   ContactMemory memory;
-  Vec6 coupling_offset = Vec6::Zero();  // e_prev: X_device ⊖ X_instrument
-  std::uint64_t frozen_step = 0;        // step whose rows `scratch.rows` hold (frozen renewal)
-  int resumed = 0;                      // solves still to come that resume the last one
+  EachInstrument<Vec6> coupling_offset;  // e_prev: X_device ⊖ X_instrument
+  std::uint64_t frozen_step = 0;         // step whose rows `scratch.rows` hold (frozen renewal) …
+  EachInstrument<bool> frozen_present;   // … and of whom
+  int resumed = 0;                       // solves still to come that resume the last one
 };
 
 struct ContactScratch {
   ContactRows rows;
   std::uint64_t matrix_version = 0;  // counts W's; 0: rows hold none yet
   ContactMemory working;             // λ and anchors between the linearisations of one solve
+  ContactMemory kept;                // of the last linearisation that ended usable
   LcpWorkspace lcp;
   CoulombWorkspace coulomb;
   PatchPositions x;
@@ -64,25 +68,22 @@ struct ContactScratch {
 
 struct ContactSolution {
   SolveStatus status = SolveStatus::solved;
-  Vec6 wrench = Vec6::Zero();  // on the device, scene units: force [N], torque about its origin [N·m]
-  Pose instrument;             // proxy pose under contact
-  int contacts = 0;            // rows considered
-  int active = 0;              // with λ_n > 0
+  EachInstrument<Vec6> wrench;  // on the device, scene units: force [N], torque about its origin [N·m]
+  InstrumentPoses instrument;   // proxy poses under contact
+  int contacts = 0;             // rows considered
+  int active = 0;               // with λ_n > 0
   int dropped = 0;
-  bool near = false;       // of a resumed solve that got on: the wrench is near, whatever the residual
+  bool near = false;       // turns got on: the wrench is near, whatever the residual
   bool laboured = false;   // resumed, and solved by more than its turns
   double residual = 0;     // of the last solve, natural map
   double penetration = 0;  // deepest true overlap left after the solve, of any sample [m], ≥ 0
   double lost = 0;         // … of those that no row holds
 };
 
-// K_eff⁻¹ = (K (1 + damping_time/T))⁻¹, diagonal in world axes; zero where K is zero.
-Vec6 inverse_stiffness(const VirtualCoupling& coupling, double period) noexcept;
-
 // period: T of the caller [s]. λ per contact of the solution is in scratch.lambda, rows in scratch.rows,
 // patch positions under contact in scratch.x.
-ContactSolution solve_contact(const CondensedProblem& problem, const Instrument& instrument,
-                              const Pose& X_device, double period, const ContactOptions& options,
+ContactSolution solve_contact(const CondensedProblem& problem, Instruments instruments,
+                              const InstrumentPoses& X_device, double period, const ContactOptions& options,
                               ContactState& state, ContactScratch& scratch) noexcept;
 
 }  // namespace hapticd

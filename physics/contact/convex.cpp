@@ -8,8 +8,8 @@
 namespace hapticd {
 namespace {
 
-constexpr double same_place = 1e-9;   // of the points' extent
-constexpr double least_area = 1e-6;   // of the extent's square: a thinner triple has no reliable normal
+constexpr double same_place = 1e-9;  // of the points' extent
+constexpr double least_area = 1e-6;  // of the extent's square: a thinner triple has no reliable normal
 constexpr double same_normal = 1e-6;
 
 struct Face {
@@ -47,9 +47,8 @@ std::vector<Face> hull_faces(const std::vector<Vec3>& p, const Vec3& centre, dou
         n /= area;
         if (n.dot(p[i] - centre) < 0) n = -n;
         const double d = -n.dot(p[i]);
-        const bool outermost = std::all_of(p.begin(), p.end(), [&](const Vec3& x) {
-          return n.dot(x) + d <= same_place * extent;
-        });
+        const bool outermost = std::all_of(
+            p.begin(), p.end(), [&](const Vec3& x) { return n.dot(x) + d <= same_place * extent; });
         if (outermost) add_face(faces, {{n.x(), n.y(), n.z(), d}, area}, extent);
       }
   return faces;

@@ -21,14 +21,13 @@ template <int columns>
 class Panel {
  public:
   void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row) noexcept {
-    const PatchSample& s = problem.sample[row.sample];
-    deforms_ = s.node[0] >= 0;
+    deforms_ = row.other < 0 && problem.sample[row.sample].node[0] >= 0;
     for (int c = 0; c < columns; ++c) {
       const Vec3 f = row.frame.col(c);
       shift_[c] = lanes(K_inv_diag.head<3>().cwiseProduct(f));
       turn_[c] = K_inv_diag.tail<3>().cwiseProduct(row.arm.cross(f));
     }
-    if (deforms_) fill_nodes(problem, s, row.frame);
+    if (deforms_) fill_nodes(problem, problem.sample[row.sample], row.frame);
   }
 
   // Displacement of another contact's point per unit of this one's force in direction c: G f.
@@ -87,6 +86,10 @@ struct Probe<1> {
     const Lanes w = normal * (panel.tissue(s, 0) + panel.shift(0)) + moment * lanes(panel.turn(0));
     return w[0] + w[1] + w[2];
   }
+  double tissue(const Panel<1>& panel, const PatchSample& s, int) const noexcept {
+    const Lanes w = normal * panel.tissue(s, 0);
+    return w[0] + w[1] + w[2];
+  }
 };
 
 // Lanes are the contact's three rows: no sum across them.
@@ -100,7 +103,7 @@ struct Probe<3> {
       const Vec3 t = row.arm.cross(row.frame.col(c));
       for (int k = 0; k < 3; ++k) moment[k][c] = t[k];
     }
-    for (Lanes& l : moment) l[3] = 0;
+    for (int k = 0; k < 3; ++k) moment[k][3] = 0;
   }
   Lanes operator()(const Panel<3>& panel, const PatchSample& s, int c) const noexcept {
     const Lanes u = panel.tissue(s, c) + panel.shift(c);
@@ -108,10 +111,34 @@ struct Probe<3> {
     return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2] + turn[0] * moment[0] +
            turn[1] * moment[1] + turn[2] * moment[2];
   }
+  Lanes tissue(const Panel<3>& panel, const PatchSample& s, int c) const noexcept {
+    const Lanes u = panel.tissue(s, c);
+    return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2];
+  }
 };
 
 double entry(double w, int) noexcept { return w; }
-double entry(const Lanes& w, int r) noexcept { return w[r]; }
+double entry(Lanes w, int r) noexcept { return w[r]; }
+
+// What the couplings of two rows' instruments have in common: B, in the rows' frames.
+Mat3 coupling(const EachInstrument<Vec6>& K_inv_diag, const ContactRow& i, const ContactRow& j) noexcept {
+  const auto cross = [](const Vec3& r) {
+    Mat3 m;
+    m << 0, -r.z(), r.y(), r.z(), 0, -r.x(), -r.y(), r.x(), 0;
+    return m;
+  };
+  Mat3 B = Mat3::Zero();
+  const auto add = [&](int of_i, const Vec3& r_i, int of_j, const Vec3& r_j, double sign) {
+    if (of_i < 0 || of_i != of_j) return;
+    const Vec6& K = K_inv_diag[of_i];
+    B += sign * (Mat3(K.head<3>().asDiagonal()) - cross(r_i) * K.tail<3>().asDiagonal() * cross(r_j));
+  };
+  add(i.instrument, i.arm, j.instrument, j.arm, 1);
+  add(i.instrument, i.arm, j.other, j.other_arm, -1);
+  add(i.other, i.other_arm, j.instrument, j.arm, -1);
+  add(i.other, i.other_arm, j.other, j.other_arm, 1);
+  return i.frame.transpose() * B * j.frame;
+}
 
 // Compliance that a contact lacks to a thousandth of the coupling's there; traces of the three directions.
 template <int columns>
@@ -129,29 +156,44 @@ double missing_compliance(const CondensedProblem& problem, const Vec6& K_inv_dia
 }
 
 template <int m>
-void assemble(const CondensedProblem& problem, const Vec6& K_inv_diag, ContactRows& rows) noexcept {
+void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
+              ContactRows& rows) noexcept {
   auto W = rows.W();
   Panel<m> panel;
   std::array<Probe<m>, max_contacts> probe;
   for (int i = 0; i < rows.contacts; ++i) probe[i] = Probe<m>(rows.row[i]);
   for (int j = 0; j < rows.contacts; ++j) {
-    panel.fill(problem, K_inv_diag, rows.row[j]);
+    const ContactRow& of = rows.row[j];
+    panel.fill(problem, K_inv_diag[of.instrument], of);
     for (int i = j; i < rows.contacts; ++i) {
-      const PatchSample& sample = problem.sample[rows.row[i].sample];
+      const ContactRow& row = rows.row[i];
+      if (row.other >= 0 || of.other >= 0) {
+        Mat3 B = coupling(K_inv_diag, row, of);
+        if (i == j) B.triangularView<Eigen::StrictlyUpper>() = B.transpose();  // or round-off would not be symmetric
+        W.template block<m, m>(m * i, m * j) = B.template topLeftCorner<m, m>();
+        if (i > j) W.template block<m, m>(m * j, m * i) = B.template topLeftCorner<m, m>().transpose();
+        if (i == j)
+          W.template block<m, m>(m * j, m * j).diagonal().array() += rigid_compliance * B.trace() / 3;
+        continue;
+      }
+      const PatchSample& sample = problem.sample[row.sample];
       for (int c = 0; c < m; ++c) {
-        const auto w = probe[i](panel, sample, c);
+        const auto w =
+            row.instrument == of.instrument ? probe[i](panel, sample, c) : probe[i].tissue(panel, sample, c);
         for (int r = i == j ? c : 0; r < m; ++r)
           W(m * i + r, m * j + c) = W(m * j + c, m * i + r) = entry(w, r);
       }
     }
-    const double missing = missing_compliance(problem, K_inv_diag, rows.row[j], panel);
+    if (of.other >= 0) continue;
+    const double missing = missing_compliance(problem, K_inv_diag[of.instrument], of, panel);
     for (int c = 0; c < m; ++c) W(m * j + c, m * j + c) += missing;
   }
 }
 
 }  // namespace
 
-void assemble_delassus(const CondensedProblem& problem, const Vec6& K_inv_diag, ContactRows& rows) noexcept {
+void assemble_delassus(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
+                       ContactRows& rows) noexcept {
   if (rows.rows_per_contact == 1)
     assemble<1>(problem, K_inv_diag, rows);
   else

@@ -1,6 +1,7 @@
 // The Delassus operator of contact rows, from the patch's compliance and the virtual coupling.
 //
-//   W_ij = F_iᵀ (G_ij + B_ij) F_j,   G_ij = Σ_ab w_a w_b C_ab,   B_ij = K_t⁻¹ − [r_i]× K_r⁻¹ [r_j]×
+//   W_ij = F_iᵀ (G_ij + B_ij) F_j,   G_ij = Σ_ab w_a w_b C_ab,   B_ij = K_t⁻¹ − [r_i]× K_r⁻¹ [r_j]×  of one
+//   instrument, 0 of two; a row between two has B of both, of opposite sign where another knows one alone
 //
 // H is never formed: a contact touches three nodes, so column j of H C Hᵀ is three 3-column panels of C
 // weighted, then three 3×3 blocks of that for each i. Symmetric by construction: one triangle is computed
@@ -14,6 +15,7 @@
 namespace hapticd {
 
 // Fills rows.W() from the frames, arms and samples of `rows`.
-void assemble_delassus(const CondensedProblem& problem, const Vec6& K_inv_diag, ContactRows& rows) noexcept;
+void assemble_delassus(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
+                       ContactRows& rows) noexcept;
 
 }  // namespace hapticd

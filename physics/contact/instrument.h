@@ -20,11 +20,11 @@ enum class Shape { sphere, capsule, cylinder, convex };
 struct Primitive {
   std::string name;
   Shape shape = Shape::sphere;
-  double radius = 0;       // sphere, capsule, cylinder [m]
-  double half_length = 0;  // capsule (of its segment), cylinder; along local z [m]
-  Pose placement;          // primitive frame in the instrument's frame
-  std::vector<Vec3> vertices;                       // convex: hull vertices, primitive frame [m]
-  std::vector<Eigen::Vector4d> planes;              // convex: n·x + d ≤ 0 inside, |n| = 1
+  double radius = 0;                    // sphere, capsule, cylinder [m]
+  double half_length = 0;               // capsule (of its segment), cylinder; along local z [m]
+  Pose placement;                       // primitive frame in the instrument's frame
+  std::vector<Vec3> vertices;           // convex: hull vertices, primitive frame [m]
+  std::vector<Eigen::Vector4d> planes;  // convex: n·x + d ≤ 0 inside, |n| = 1
 };
 
 struct Instrument {

@@ -3,20 +3,31 @@
 #include <algorithm>
 
 #include "physics/contact/contact_pairs.h"
+#include "physics/contact/distance/primitive_distance.h"
 
 namespace hapticd {
 
-bool violates_inactive_contact(const CondensedProblem& problem, const Instrument& instrument,
-                               const Pose& X_lin, const PatchPositions& x_lin, double held, double margin,
-                               const Reached& end) noexcept {
-  const Vec6 moved = difference(end.X, X_lin);
+Vec3 sample_outward(const CondensedProblem& problem, const PatchPositions& x, int sample) noexcept {
+  const PatchSample& s = problem.sample[sample];
+  if (s.node[0] < 0) return s.outward;
+  const Vec3 &a = x[s.node[0]], &b = x[s.node[1]], &c = x[s.node[2]];
+  const Vec3 area = (b - a).cross(c - a);
+  const double size = area.norm();
+  return size > 0 ? Vec3(area / size) : s.outward;
+}
+
+namespace {
+
+bool violates(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_lin,
+              const Vec6& moved, const PatchPositions& x_lin, double held, double margin,
+              const PatchPositions& x_end) noexcept {
   const auto instrument_at = [&](const Vec3& s) {
     return moved.head<3>().norm() + moved.tail<3>().norm() * (s - X_lin.p).norm();
   };
   const auto obstacle = [&](int k) { return problem.sample[k].node[0] < 0; };
   double farthest = 0;
   for (int n = 0; n < problem.nodes; ++n)
-    farthest = std::max(farthest, (end.x[n] - x_lin[n]).norm() + instrument_at(x_lin[n]));
+    farthest = std::max(farthest, (x_end[n] - x_lin[n]).norm() + instrument_at(x_lin[n]));
   if (held < margin)
     for (int k = 0; k < problem.samples; ++k)
       if (obstacle(k)) farthest = std::max(farthest, instrument_at(problem.sample[k].free));
@@ -27,11 +38,51 @@ bool violates_inactive_contact(const CondensedProblem& problem, const Instrument
     const double reach = obstacle(k) ? margin : std::max(margin, problem.alarm_distance);
     const Vec3 s = sample_position(problem, x_lin, k);
     for (const Gap& gap : GapsInReach(placed, s, reach))
-      if (gap.distance >= held && gap.normal.dot(problem.sample[k].outward) < facing_away &&
-          gap_reached(problem, k, s, gap, X_lin, moved, end.x) < (gap.distance < margin ? 0 : -margin))
+      if (gap.distance >= held &&
+          gap_reached(problem, k, s, gap, X_lin, moved, x_end) < (gap.distance < margin ? 0 : -margin) &&
+          gap.normal.dot(sample_outward(problem, x_lin, k)) < facing_away)
         return true;
   }
   return false;
+}
+
+bool meets_tissue(const CondensedProblem& problem, const PlacedInstrument& placed) noexcept {
+  for (int k = 0; k < problem.samples; ++k)
+    if (placed.near(sample_position(problem, problem.x_now, k), problem.alarm_distance)) return true;
+  return false;
+}
+
+bool meets(const Instrument& a, const Pose& X_a, const Instrument& b, const Pose& X_b, double reach) noexcept {
+  for (const Primitive& of_a : a.primitives)
+    for (const Primitive& of_b : b.primitives)
+      if (near(of_a, X_a, of_b, X_b, reach)) return true;
+  return false;
+}
+
+}  // namespace
+
+bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
+                               const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
+                               double margin, const Reached& end) noexcept {
+  const EachInstrument<Vec6> moved = difference(end.X, X_lin);
+  for (int i = 0; i < instruments.count(); ++i)
+    if (X_lin.present[i] && violates(problem, instruments[i], X_lin[i], moved[i], x_lin, held, margin, end.x))
+      return true;
+  return false;
+}
+
+double longest_in_reach(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
+                        const EachInstrument<Vec6>& way) noexcept {
+  if (instruments.count() == 1) return longest(way);
+  EachInstrument<Vec6> of_those;
+  for (int i = 0; i < instruments.count(); ++i) {
+    if (!X.present[i]) continue;
+    bool in_reach = meets_tissue(problem, PlacedInstrument(instruments[i], X[i]));
+    for (int j = 0; j < instruments.count() && !in_reach; ++j)
+      in_reach = j != i && X.present[j] && meets(instruments[i], X[i], instruments[j], X[j], problem.alarm_distance);
+    if (in_reach) of_those[i] = way[i];
+  }
+  return longest(of_those);
 }
 
 }  // namespace hapticd

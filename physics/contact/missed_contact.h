@@ -18,6 +18,11 @@ namespace hapticd {
 
 inline constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
 
+// Outward unit normal of a sample's triangle (a, b, c), wound outward, when the patch's nodes are at x:
+// (b − a) × (c − a) / ‖…‖. The published one of an obstacle, or of a triangle without area. Thin tissue turns
+// by half a right angle in a tick, so the published one does not tell which side is its inner one.
+Vec3 sample_outward(const CondensedProblem& problem, const PatchPositions& x, int sample) noexcept;
+
 // Gap of the sample that is at s, linearised there, at the end; moved = X_end ⊖ X_lin.
 inline double gap_reached(const CondensedProblem& problem, int sample, const Vec3& s, const Gap& gap,
                           const Pose& X_lin, const Vec6& moved, const PatchPositions& x_end) noexcept {
@@ -25,8 +30,13 @@ inline double gap_reached(const CondensedProblem& problem, int sample, const Vec
   return gap.distance + gap.normal.dot(sample_position(problem, x_end, sample) - s - instrument);
 }
 
-bool violates_inactive_contact(const CondensedProblem& problem, const Instrument& instrument,
-                               const Pose& X_lin, const PatchPositions& x_lin, double held, double margin,
-                               const Reached& end) noexcept;
+bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
+                               const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
+                               double margin, const Reached& end) noexcept;
+
+// The longest translation of those that at X have a sample or another instrument within the alarm distance: what
+// the others do, far away, is nothing to a solve. Of one instrument alone it is its own [m].
+double longest_in_reach(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
+                        const EachInstrument<Vec6>& way) noexcept;
 
 }  // namespace hapticd

@@ -1,6 +1,7 @@
 // Contact memory by sample id, and how the patch moves under contact forces: x = x_free + C_pp f.
 #include <algorithm>
 
+#include "physics/contact/instrument_pairs.h"
 #include "physics/contact/rows.h"
 
 namespace hapticd {
@@ -35,15 +36,19 @@ const PatchSample* find_sample(const CondensedProblem& problem, std::uint64_t id
 
 }  // namespace
 
-const ContactMemory::Entry* ContactMemory::find(std::uint64_t id) const noexcept {
+const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument) const noexcept {
   const auto end = entry.begin() + count;
-  const auto found =
-      std::lower_bound(entry.begin(), end, id, [](const Entry& e, std::uint64_t key) { return e.id < key; });
-  return found != end && found->id == id ? &*found : nullptr;
+  const auto found = std::lower_bound(entry.begin(), end, id, [&](const Entry& e, std::uint64_t key) {
+    return e.id != key ? e.id < key : e.instrument < instrument;
+  });
+  return found != end && found->id == id && found->instrument == instrument ? &*found : nullptr;
 }
 
-const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int primitive) const noexcept {
-  for (const Entry* e = find(id); e && e != entry.data() + count && e->id == id; ++e)
+const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument,
+                                                int primitive) const noexcept {
+  const Entry* const end = entry.data() + count;
+  for (const Entry* e = find(id, instrument); e && e != end && e->id == id && e->instrument == instrument;
+       ++e)
     if (e->primitive == primitive) return e;
   return nullptr;
 }
@@ -55,21 +60,23 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
     Vec3 force = Vec3::Zero();
     for (int c = 0; c < rows.rows_per_contact; ++c)
       force += lambda[rows.rows_per_contact * i + c] * rows.row[i].frame.col(c);
-    add_force(problem.sample[rows.row[i].sample], force, f);
+    if (rows.row[i].other < 0) add_force(problem.sample[rows.row[i].sample], force, f);
   }
   apply_compliance(problem, f, x);
 }
 
 Vec3 ContactMemory::force_on(std::uint64_t id) const noexcept {
   Vec3 force = Vec3::Zero();
-  for (const Entry* e = find(id); e && e != entry.data() + count && e->id == id; ++e) force += e->lambda;
+  const auto begin = entry.begin(), end = begin + count;
+  auto e = std::lower_bound(begin, end, id, [](const Entry& a, std::uint64_t key) { return a.id < key; });
+  for (; e != end && e->id == id; ++e) force += e->lambda;
   return force;
 }
 
 bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept {
   return std::any_of(memory.entry.begin(), memory.entry.begin() + memory.count,
                      [&](const ContactMemory::Entry& e) {
-                       return !e.lambda.isZero(0) && find_sample(problem, e.id) == nullptr;
+                       return !e.lambda.isZero(0) && !is_pair(e.id) && find_sample(problem, e.id) == nullptr;
                      });
 }
 

@@ -1,12 +1,16 @@
-// Outer side: 0.2 is a tolerance of 11° past tangent. It keeps the samples around a sharp edge, whose face is turned
-// away although the instrument is on it, and lets no ghost contact come from inside.
+// Outer side: 0.2 is a tolerance of 11° past tangent. It keeps the samples around a sharp edge, whose face is
+// turned away although the instrument is on it, and lets no ghost contact come from inside. The normal is
+// that of the linearisation (missed_contact.h): by the published one a flap that turns over within a tick is
+// let through.
 //
-// Missing compliance: a contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle, tissue
-// next to fixed nodes) gets W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I, means of the diagonal (without friction
-// G's normal entry). The coupling's part has rank ≤ 6, and rigid friction is hyperstatic without it.
+// Missing compliance: a contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle,
+// tissue next to fixed nodes) gets W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I, means of the diagonal
+// (without friction G's normal entry). The coupling's part has rank ≤ 6, and rigid friction is hyperstatic
+// without it.
 //
-// Rows for all primitives: with the nearest one alone the solve would move a sample from one that is held to one that
-// is not, and back in the next tick. Candidates that do not overlap and have no row could not have pressed.
+// Rows for all primitives: with the nearest one alone the solve would move a sample from one that is held to
+// one that is not, and back in the next tick. Candidates that do not overlap and have no row could not have
+// pressed.
 #include "physics/contact/rows.h"
 
 #include <algorithm>
@@ -15,8 +19,9 @@
 #include "physics/contact/contact_pairs.h"
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/delassus.h"
+#include "physics/contact/instrument_pairs.h"
 #include "physics/contact/missed_contact.h"
-#include "physics/contact/placed_instrument.h"
+#include "physics/contact/placed_instruments.h"
 
 namespace hapticd {
 namespace {
@@ -27,26 +32,30 @@ bool same_face(const PatchSample& a, const PatchSample& b) noexcept {
 }
 
 // False only where no point of the sample's triangle is within reach; a fixed obstacle's are not known.
-bool face_near(const PatchSample& s, const PlacedInstrument& instrument, const PatchPositions& x,
+bool face_near(const PatchSample& s, const PlacedInstruments& placed, const PatchPositions& x,
                double reach) noexcept {
   if (s.node[0] < 0) return true;
   const Vec3 &a = x[s.node[0]], &b = x[s.node[1]], &c = x[s.node[2]];
   const Vec3 centre = (a + b + c) / 3;
   const double radius = std::sqrt(
       std::max({(a - centre).squaredNorm(), (b - centre).squaredNorm(), (c - centre).squaredNorm()}));
-  return instrument.near(centre, reach + radius);
+  return placed.near(centre, reach + radius);
 }
 
-// Samples and primitives that become rows, by sample index (which is by id), then primitive; each row with
-// both, gap and, in its frame's first column, normal. Counts the overlapping ones that did not fit.
-void select(const CondensedProblem& problem, const PlacedInstrument& instrument, const Pose& X_lin,
-            const PatchPositions& x, double margin, const Reached* reached, ContactRows& rows) noexcept {
-  const Vec6 moved = reached ? difference(reached->X, X_lin) : Vec6(Vec6::Zero());
+// Samples and primitives that become rows, by sample index (which is by id), then instrument and primitive;
+// each row with all three, gap and, in its frame's first column, normal. Counts the overlapping ones that did
+// not fit.
+void select(const CondensedProblem& problem, const PlacedInstruments& placed, const InstrumentPoses& X_lin,
+            const PatchPositions& x, double margin, const Reached* reached, int capacity,
+            ContactRows& rows) noexcept {
+  const EachInstrument<Vec6> moved = reached ? difference(reached->X, X_lin) : EachInstrument<Vec6>();
   const double reach = reached ? std::max(margin, problem.alarm_distance) : margin;
   std::array<ContactCandidate, max_patch_samples> candidate;
-  const auto take = [&rows](int i, int sample, const Gap& gap) {
+  const auto take = [&rows](int i, int sample, int instrument, const Gap& gap) {
     rows.row[i].sample = sample;
+    rows.row[i].instrument = instrument;
     rows.row[i].primitive = gap.primitive;
+    rows.row[i].other = -1;
     rows.row[i].gap = gap.distance;
     rows.row[i].frame.col(0) = gap.normal;
   };
@@ -57,35 +66,64 @@ void select(const CondensedProblem& problem, const PlacedInstrument& instrument,
     const PatchSample& sample = problem.sample[k];
     const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
     if (next) ++face;
-    if (next || k == 0) near = face_near(sample, instrument, x, reach);
+    if (next || k == 0) near = face_near(sample, placed, x, reach);
     if (!near) continue;
     const Vec3 s = sample_position(problem, x, k);
-    for (const Gap& gap : GapsInReach(instrument, s, reach)) {
-      if (!(gap.normal.dot(sample.outward) < facing_away)) continue;
-      if (!(gap.distance < margin) && !(gap_reached(problem, k, s, gap, X_lin, moved, reached->x) < 0))
-        continue;
-      // Only where samples have several primitives within reach.
-      if (count == max_patch_samples) {
-        count /= 2;
-        dropped += keep_deepest(candidate, count);
+    for (int i = 0; i < placed.count(); ++i) {
+      if (!placed.at(i)) continue;
+      for (const Gap& gap : GapsInReach(*placed.at(i), s, reach)) {
+        if (!(gap.distance < margin) &&
+            !(gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) < 0))
+          continue;
+        if (!(gap.normal.dot(sample_outward(problem, x, k)) < facing_away)) continue;
+        // Only where samples have several primitives within reach.
+        if (count == max_patch_samples) {
+          count /= 2;
+          dropped += keep_deepest(candidate, count);
+        }
+        if (count < capacity) take(count, k, i, gap);
+        candidate[count++] = {gap.distance, k, face, gap.primitive, i};
       }
-      if (count < max_contacts) take(count, k, gap);
-      candidate[count++] = {gap.distance, k, face, gap.primitive};
     }
   }
-  rows.contacts = std::min(count, max_contacts);
+  rows.contacts = std::min(count, capacity);
   rows.dropped = dropped;
-  if (count <= max_contacts) return;
-  rows.dropped += select_contacts({candidate.data(), static_cast<std::size_t>(count)}, max_contacts);
-  for (int i = 0; i < max_contacts; ++i)
-    take(i, candidate[i].sample,
-         instrument.gap(static_cast<std::size_t>(candidate[i].primitive),
-                        sample_position(problem, x, candidate[i].sample)));
+  if (count <= capacity) return;
+  rows.dropped += select_contacts({candidate.data(), static_cast<std::size_t>(count)}, capacity);
+  for (int i = 0; i < capacity; ++i) {
+    const ContactCandidate& c = candidate[i];
+    take(i, c.sample, c.instrument,
+         placed.at(c.instrument)
+             ->gap(static_cast<std::size_t>(c.primitive), sample_position(problem, x, c.sample)));
+  }
 }
 
-// J d of one contact, in its frame: minus the displacement of the instrument's point at the contact.
-Vec3 coupled(const ContactRow& row, const Vec6& d) noexcept {
-  return -row.frame.transpose() * (d.head<3>() + d.tail<3>().cross(row.arm));
+// Rows of instruments that touch, behind those of tissue. Of two that are held rigidly nothing could give way.
+void add_pairs(const CondensedProblem& problem, const InstrumentPairs& pairs, const InstrumentPoses& X_lin,
+               const EachInstrument<Vec6>& K_inv_diag, ContactRows& rows) noexcept {
+  for (const InstrumentPair& pair : pairs) {
+    if (K_inv_diag[pair.instrument].isZero(0) && K_inv_diag[pair.other].isZero(0)) continue;
+    ContactRow& row = rows.row[rows.contacts++];
+    row.sample = -1;
+    row.instrument = pair.instrument;
+    row.primitive = pair.primitive;
+    row.other = pair.other;
+    row.id = pair.id;
+    row.gap = pair.gap.distance;
+    row.friction = problem.instrument_friction;
+    row.frame.col(0) = pair.gap.normal;
+    row.arm = pair.gap.on_a - X_lin[pair.instrument].p;
+    row.other_arm = pair.gap.on_b - X_lin[pair.other].p;
+  }
+}
+
+// J d of one contact, in its frame: minus the displacement of the instrument's point at the contact, plus
+// that of the other's.
+Vec3 coupled(const ContactRow& row, const EachInstrument<Vec6>& d) noexcept {
+  const auto moved = [&](int i, const Vec3& arm) { return Vec3(d[i].head<3>() + d[i].tail<3>().cross(arm)); };
+  const Vec3 own = moved(row.instrument, row.arm);
+  if (row.other < 0) return -row.frame.transpose() * own;
+  return row.frame.transpose() * (moved(row.other, row.other_arm) - own);
 }
 
 void set_q(ContactRows& rows, int i, const Vec3& delta) noexcept {
@@ -111,32 +149,48 @@ Mat3 contact_frame(const Vec3& n) noexcept {
   return F;
 }
 
-void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
-                const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
-                const ContactMemory& memory, double margin, ContactRows& rows, const Reached* reached,
-                PartTimes* times) noexcept {
+void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
+                const InstrumentPoses& X_lin, const PatchPositions& x_lin,
+                const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
+                ContactRows& rows, const Reached* reached, PartTimes* times) noexcept {
   const Within rows_part(times, ContactPart::rows);
-  select(problem, PlacedInstrument(instrument, X_lin), X_lin, x_lin, margin, reached, rows);
+  const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
+  select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, margin, reached,
+         max_contacts - pairs.count(), rows);
+  add_pairs(problem, pairs, X_lin, K_inv_diag, rows);
   rows.rows_per_contact = 1;
-  for (int i = 0; i < rows.contacts; ++i)
-    if (problem.sample[rows.row[i].sample].friction > 0) rows.rows_per_contact = 3;
-
-  const Vec6 shift = difference(X_free, X_lin);
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
-    const int k = row.sample;
-    const Vec3 s = sample_position(problem, x_lin, k);
-    const Vec3 s_free = sample_position(problem, problem.x_free, k);
+    if (row.other < 0) row.friction = problem.sample[row.sample].friction;
+    if (row.friction > 0) rows.rows_per_contact = 3;
+  }
+
+  const EachInstrument<Vec6> shift = difference(X_free, X_lin);
+  for (int i = 0; i < rows.contacts; ++i) {
+    ContactRow& row = rows.row[i];
+    const Pose& X = X_lin[row.instrument];
     const Vec3 normal = row.frame.col(0);
-    row.id = problem.sample[k].id;
     row.frame = contact_frame(normal);
-    row.arm = s - X_lin.p;
-    row.friction = problem.sample[k].friction;
-    const ContactMemory::Entry* known = memory.find(row.id, row.primitive);
-    if (!known) known = memory.find(row.id);
-    row.anchor = known ? known->anchor : X_lin.to_local(s);
-    row.delta_free = row.frame.transpose() * (s_free - X_lin.to_world(row.anchor));
-    row.delta_free[0] = row.gap + normal.dot(s_free - s);
+    Vec3 s = Vec3::Zero(), s_free = s;
+    if (row.other < 0) {
+      s = sample_position(problem, x_lin, row.sample);
+      s_free = sample_position(problem, problem.x_free, row.sample);
+      row.id = problem.sample[row.sample].id;
+      row.arm = s - X.p;
+    }
+    const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive);
+    if (!known && row.other < 0) known = memory.find(row.id, row.instrument);
+    if (row.other < 0) {
+      row.anchor = known ? known->anchor : X.to_local(s);
+    } else {
+      const Pose& Y = X_lin[row.other];
+      s = Y.p + row.other_arm;
+      row.anchor = known ? known->anchor : X.to_local(X.p + row.arm);
+      row.other_anchor = known ? known->other_anchor : Y.to_local(s);
+      s_free = Y.to_world(row.other_anchor);
+    }
+    row.delta_free = row.frame.transpose() * (s_free - X.to_world(row.anchor));
+    row.delta_free[0] = row.other < 0 ? row.gap + normal.dot(s_free - s) : row.gap;
     row.delta_free += coupled(row, shift);
     if (rows.rows_per_contact == 1) row.delta_free.tail<2>().setZero();
     set_q(rows, i, row.delta_free);
@@ -145,30 +199,37 @@ void build_rows(const CondensedProblem& problem, const Instrument& instrument, c
   assemble_delassus(problem, K_inv_diag, rows);
 }
 
-void shift_rows(const CondensedProblem& problem, const Pose& X_frozen, const Pose& X_free,
-                const ContactMemory& memory, ContactRows& rows) noexcept {
-  const Vec6 shift = difference(X_free, X_frozen);
+void shift_rows(const CondensedProblem& problem, const InstrumentPoses& X_frozen,
+                const InstrumentPoses& X_free, const ContactMemory& memory, ContactRows& rows) noexcept {
+  const EachInstrument<Vec6> shift = difference(X_free, X_frozen);
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
     if (rows.rows_per_contact == 3) {
-      if (const ContactMemory::Entry* known = memory.find(row.id, row.primitive)) row.anchor = known->anchor;
-      const Vec3 s_free = sample_position(problem, problem.x_free, row.sample);
-      const Vec3 slip = row.frame.transpose() * (s_free - X_frozen.to_world(row.anchor));
+      if (const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive)) {
+        row.anchor = known->anchor;
+        row.other_anchor = known->other_anchor;
+      }
+      const Vec3 s_free = row.other < 0 ? sample_position(problem, problem.x_free, row.sample)
+                                        : X_frozen[row.other].to_world(row.other_anchor);
+      const Vec3 slip = row.frame.transpose() * (s_free - X_frozen[row.instrument].to_world(row.anchor));
       row.delta_free.tail<2>() = slip.tail<2>();
     }
     set_q(rows, i, row.delta_free + coupled(row, shift));
   }
 }
 
-Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambda) noexcept {
-  Vec6 wrench = Vec6::Zero();
+EachInstrument<Vec6> wrench_on_instruments(const ContactRows& rows, std::span<const double> lambda) noexcept {
+  EachInstrument<Vec6> wrench;
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[i];
     Vec3 force = Vec3::Zero();
     for (int c = 0; c < rows.rows_per_contact; ++c)
       force += lambda[rows.rows_per_contact * i + c] * row.frame.col(c);
-    wrench.head<3>() -= force;
-    wrench.tail<3>() -= row.arm.cross(force);
+    wrench[row.instrument].head<3>() -= force;
+    wrench[row.instrument].tail<3>() -= row.arm.cross(force);
+    if (row.other < 0) continue;
+    wrench[row.other].head<3>() += force;
+    wrench[row.other].tail<3>() += row.other_arm.cross(force);
   }
   return wrench;
 }

@@ -3,17 +3,19 @@
 //   H_i = Fᵢᵀ Σ_a w_a E_a,   J_i = −Fᵢᵀ [I, −(s − p)×],   F = [n t₁ t₂]
 //   δ_n,free = gap(s; X_lin) + n·(s_free − s) + J_n (X_free ⊖ X_lin)
 //   δ_t,free = Tᵀ(s_free − X_lin·anchor)      + J_t (X_free ⊖ X_lin)
-//   W_ij = F_iᵀ (Σ_ab w_a w_b C_ab + B_ij) F_j,   B_ij = K_t⁻¹ − [r_i]× K_r⁻¹ [r_j]×,   r = s − p_lin
+//   W_ij = F_iᵀ (Σ_ab w_a w_b C_ab + B_ij) F_j,   B_ij = K_t⁻¹ − [r_i]× K_r⁻¹ [r_j]×,   r = s − p_lin, of one
+//   instrument; 0 of two
 //
-// s: the sample's position at the linearisation, s_free: without contact. At a fixed point of the linearisation
-// δ_n is the true gap and δ_t the true slip. A row is for one sample and one primitive; a sample has rows for all
-// primitives within the margin (contact_pairs.h), where the instrument is on the outer side of the tissue
-// (n · outward < 0.2). More candidates than capacity: contact_selection.h chooses; overlapping ones that are left
-// out are counted in `dropped`. Friction rows exist only where some μ > 0. A sample that sticks keeps its anchor in
-// the instrument's frame; a sliding or new one takes its place of the previous solve, or the linearisation's own.
-// Units: δ in m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 80 kB of stack; bounded by
-// max_patch_samples × primitives and max_contacts × (patch nodes + max_contacts) 3×3 products.
-// Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
+// s: the sample's position at the linearisation, s_free: without contact. At a fixed point of the
+// linearisation δ_n is the true gap and δ_t the true slip. A row is for one sample and one primitive; a
+// sample has rows for all primitives within the margin (contact_pairs.h), where the instrument is on the
+// outer side of the tissue (n · outward < 0.2); or, last, for two primitives of two instruments
+// (instrument_pairs.h). More candidates than capacity: contact_selection.h chooses; overlapping ones that are
+// left out are counted in `dropped`. Friction rows exist only where some μ > 0. A sample that sticks keeps
+// its anchor in the instrument's frame; a sliding or new one takes its place of the previous solve, or the
+// linearisation's own. Units: δ in m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 80 kB
+// of stack; bounded by max_patch_samples × primitives and max_contacts × (patch nodes + max_contacts) 3×3
+// products. Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
 // contact_solve.h.
 #pragma once
 
@@ -22,18 +24,21 @@
 #include <span>
 
 #include "physics/contact/condensed_problem.h"
-#include "physics/contact/instrument.h"
 #include "physics/part_times.h"
 
 namespace hapticd {
 
 struct ContactRow {
-  int sample;          // index into the problem's samples
-  int primitive;       // of the instrument: a row is known by its sample and this
-  std::uint64_t id;    // the sample's id
+  int sample;          // index into the problem's samples; −1: another instrument is there
+  int instrument = 0;  // a row is known by its sample, this …
+  int primitive;       // … and this of it
+  int other = -1;      // the instrument that is touched; −1: tissue
+  std::uint64_t id;    // the sample's id, or one of two primitives (instrument_pairs.h)
   Mat3 frame;          // columns n, t1, t2 (world)
   Vec3 arm;            // s − p_instrument [m]
+  Vec3 other_arm;      // … of the other
   Vec3 anchor;         // instrument's frame: slip is measured from here [m]
+  Vec3 other_anchor;   // … to here, in the other's
   Vec3 delta_free;     // [m]: normal, then two tangential (0 where frictionless)
   double gap;          // true signed distance at the linearisation [m]
   double friction;     // μ
@@ -59,28 +64,30 @@ struct ContactRows {
 struct ContactMemory {
   struct Entry {
     std::uint64_t id;
-    Vec3 lambda;        // world axes, on the tissue [N]
-    Vec3 anchor;        // instrument frame [m]
+    Vec3 lambda;  // world axes, on the tissue [N]
+    Vec3 anchor;  // instrument frame [m]
     bool sticking;
     int primitive = 0;
+    int instrument = 0;
+    Vec3 other_anchor = Vec3::Zero();  // frame of the instrument that is touched [m]
   };
   int count = 0;
-  std::array<Entry, max_contacts> entry;  // sorted by id, then primitive
+  std::array<Entry, max_contacts> entry;  // sorted by id, then instrument, then primitive
 
-  const Entry* find(std::uint64_t id, int primitive) const noexcept;
-  // The first of the sample, of whichever primitive.
-  const Entry* find(std::uint64_t id) const noexcept;
-  // Sum over the sample's primitives.
+  const Entry* find(std::uint64_t id, int instrument, int primitive) const noexcept;
+  // The first of the sample and instrument, of whichever primitive.
+  const Entry* find(std::uint64_t id, int instrument) const noexcept;
+  // Sum over the sample's entries.
   Vec3 force_on(std::uint64_t id) const noexcept;
 };
 
 // Positions of the patch's nodes that rows are linearised at (x_free to begin with).
 using PatchPositions = std::array<Vec3, max_patch_nodes>;
 
-// Where an earlier solve took patch and instrument.
+// Where an earlier solve took patch and instruments.
 struct Reached {
   const PatchPositions& x;
-  Pose X;
+  InstrumentPoses X;
 };
 
 // Whether a sample that bore force is gone: its face was removed.
@@ -93,27 +100,27 @@ Vec3 sample_position(const CondensedProblem& problem, const PatchPositions& x, i
 // Friction is isotropic: no result depends on the choice.
 Mat3 contact_frame(const Vec3& n) noexcept;
 
-// Selects contacts and fills `rows` with frames, δ_free and W for the instrument's free pose X
-// (device pose, plus the coupling's memory) and for the linearisation pose X_lin of the instrument;
-// K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap at the
-// linearisation is below `margin` become rows; with `reached` those too that an earlier solve of fewer rows,
-// at the same linearisation, took through the instrument (linearised gap there < 0).
-void build_rows(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_free,
-                const Pose& X_lin, const PatchPositions& x_lin, const Vec6& K_inv_diag,
-                const ContactMemory& memory, double margin, ContactRows& rows,
-                const Reached* reached = nullptr, PartTimes* times = nullptr) noexcept;
+// Selects contacts and fills `rows` with frames, δ_free and W for the instruments' free poses X_free
+// (device pose, plus the coupling's memory) and for their linearisation poses X_lin, which say who is
+// present; K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap
+// at the linearisation is below `margin` become rows; with `reached` those too that an earlier solve of fewer
+// rows, at the same linearisation, took through an instrument (linearised gap there < 0).
+void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
+                const InstrumentPoses& X_lin, const PatchPositions& x_lin,
+                const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
+                ContactRows& rows, const Reached* reached = nullptr, PartTimes* times = nullptr) noexcept;
 
-// q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for another free pose:
+// q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for other free poses:
 // δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.
-void shift_rows(const CondensedProblem& problem, const Pose& X_frozen, const Pose& X_free,
-                const ContactMemory& memory, ContactRows& rows) noexcept;
+void shift_rows(const CondensedProblem& problem, const InstrumentPoses& X_frozen,
+                const InstrumentPoses& X_free, const ContactMemory& memory, ContactRows& rows) noexcept;
 
-// The 6-row transpose product: wrench on the instrument = Jᵀ λ (force, torque about its origin).
-Vec6 wrench_on_instrument(const ContactRows& rows, std::span<const double> lambda) noexcept;
+// The 6-row transpose product: wrench on each instrument = Jᵀ λ (force, torque about its origin).
+EachInstrument<Vec6> wrench_on_instruments(const ContactRows& rows, std::span<const double> lambda) noexcept;
 
 // Positions under contact: x = x_free + C_pp Hᵀ λ.
-void displaced_patch(const CondensedProblem& problem, const ContactRows& rows,
-                     std::span<const double> lambda, PatchPositions& x) noexcept;
+void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, std::span<const double> lambda,
+                     PatchPositions& x) noexcept;
 
 // The same for the forces of a previous solve, found by sample id; x = x_now where there are none or one of
 // them is forgotten, for without it what it held would spring through the instrument.

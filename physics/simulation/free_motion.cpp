@@ -11,6 +11,7 @@ namespace {
 
 constexpr double far_turn = 0.3;  // [rad] in a step
 constexpr double notable = 1e-4;  // of the energies: more than a rounded factor makes
+constexpr double little = 0.1;    // of a motion: where no more is kept, its direction was wrong
 
 // Δx_free, where `free.dx` holds f_int so far.
 void free_motion_of_force(Body& body, double h) {
@@ -53,16 +54,15 @@ void compute_free_displacement(Body& body) {
 void keep_energy(Body& body, double h) {
   EnergyLedger& e = body.energy;
   external_forces(body.model, body.state, body.scratch.force);
-  body.scratch.force += body.corrected.force;
   if (e.elastic.size() == 0) {
     e.pieces = find_pieces(body.model, body.state);
     e.elastic.resize(e.pieces.count());
     stored_energies(body.model, body.state, e.pieces, VecX::Zero(body.free.dx.size()), e.elastic);
   }
-  EnergyBound bound =
-      bound_energy(body.model, body.state, e.pieces, e.elastic, body.free.dx, body.scratch.force, h);
+  EnergyBound bound = bound_energy(body.model, body.state, e.pieces, e.elastic, body.free.dx,
+                                   {body.scratch.force, body.corrected.force}, h);
   e.elastic = std::move(bound.elastic);
-  e.bounded_steps = bound.made > notable ? e.bounded_steps + 1 : 0;
+  e.bounded_steps = bound.made > notable || bound.share < little ? e.bounded_steps + 1 : 0;
 }
 
 }  // namespace

@@ -29,6 +29,13 @@ std::uint64_t sample_id(int body, int face, int index) {
          static_cast<std::uint64_t>(index);
 }
 
+double nearest_gap(Instruments instruments, const InstrumentPoses& X, const Vec3& x) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < instruments.count(); ++i)
+    if (X.present[i]) nearest = std::min(nearest, gap_at(instruments[i], X[i], x).distance);
+  return nearest;
+}
+
 Vec3 weighted(const std::array<double, 3>& w, const Vec3& a, const Vec3& b, const Vec3& c) {
   return w[0] * a + w[1] * b + w[2] * c;
 }
@@ -49,14 +56,16 @@ const std::vector<std::array<double, 3>>& sample_weights(int k) {
   return tables[k];
 }
 
-int PatchGatherer::deformable_nodes(const Bodies& bodies, std::span<const Candidate> candidates) {
+// Of the faces that are nearest to an instrument.
+int PatchGatherer::deformable_nodes(const Bodies& bodies, int instrument) {
   int count = 0;
-  for (const Candidate& c : candidates) {
+  for (const Candidate& c : candidates_) {
+    if (c.instrument != instrument) continue;
     const Body& body = bodies[c.face.body];
     for (const int n : body.surface.faces()[c.face.face].nodes)
       if (body.deformable && patch_index_[c.face.body][n] < 0) patch_index_[c.face.body][n] = count++;
   }
-  for (const Candidate& c : candidates)
+  for (const Candidate& c : candidates_)
     for (const int n : bodies[c.face.body].surface.faces()[c.face.face].nodes)
       patch_index_[c.face.body][n] = -1;
   return count;
@@ -81,8 +90,8 @@ double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instr
   return nearest;
 }
 
-void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, const Pose& X,
-                           double wakeup_timer, std::span<const NearFace> near, CondensedProblem& problem) {
+void PatchGatherer::gather(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X,
+                           double alarm, std::span<const NearFace> near, CondensedProblem& problem) {
   patch_index_.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) patch_index_[b].assign(bodies[b].state.x.size(), -1);
   nodes_.clear();
@@ -91,18 +100,32 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
   for (const NearFace& n : near) {
     const Body& body = bodies[n.body];
     const Triangle& t = body.surface.faces()[n.face].nodes;
-    double nearest = wakeup_timer;
+    Candidate found{alarm, -1, n};
     for (const auto& w :
-         sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
-      nearest = std::min(
-          nearest,
-          gap_at(instrument, X, weighted(w, body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]))
-              .distance);
-    if (nearest < wakeup_timer) candidates_.push_back({nearest, n});
+         sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_))) {
+      const Vec3 x = weighted(w, body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
+      for (int i = 0; i < instruments.count(); ++i) {
+        if (!X.present[i]) continue;
+        if (const double gap = gap_at(instruments[i], X[i], x).distance; gap < found.gap) {
+          found.gap = gap;
+          found.instrument = i;
+        }
+      }
+    }
+    if (found.instrument >= 0) candidates_.push_back(found);
   }
-  if (deformable_nodes(bodies, candidates_) > max_patch_nodes)
-    for (Candidate& c : candidates_)
-      c.gap = nearest_on_the_way(bodies[c.face.body], c.face.face, instrument, X);
+  // Each instrument fills its own share, so that what one lies on leaves the other its tissue.
+  int present = 0;
+  for (int i = 0; i < instruments.count(); ++i) present += X.present[i];
+  const int share = std::min(max_nodes_of_instrument, max_patch_nodes / std::max(present, 1));
+  EachInstrument<int> nodes_left;
+  for (int i = 0; i < instruments.count(); ++i) {
+    nodes_left[i] = share;
+    if (deformable_nodes(bodies, i) > share)
+      for (Candidate& c : candidates_)
+        if (c.instrument == i)
+          c.gap = nearest_on_the_way(bodies[c.face.body], c.face.face, instruments[i], X[i]);
+  }
   std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
     return a.gap != b.gap ? a.gap < b.gap
                           : std::pair(a.face.body, a.face.face) < std::pair(b.face.body, b.face.face);
@@ -120,11 +143,12 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
     const auto missing =
         body.deformable ? std::count_if(t.begin(), t.end(), [&](int n) { return patch_index_[b][n] < 0; })
                         : 0;
-    if (static_cast<int>(nodes_.size()) + static_cast<int>(missing) > max_patch_nodes ||
+    if (static_cast<int>(missing) > nodes_left[candidate.instrument] ||
         problem.samples + static_cast<int>(weights.size()) > max_patch_samples) {
       problem.dropped_samples += static_cast<int>(weights.size());
       continue;
     }
+    nodes_left[candidate.instrument] -= static_cast<int>(missing);
     std::array<std::int32_t, 3> node = {-1, -1, -1};
     if (body.deformable)
       for (int c = 0; c < 3; ++c) {
@@ -140,7 +164,7 @@ void PatchGatherer::gather(const Bodies& bodies, const Instrument& instrument, c
                             .stableNormalized();
     for (std::size_t k = 0; k < weights.size(); ++k) {
       const Vec3 x = weighted(weights[k], body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
-      if (gap_at(instrument, X, x).distance >= wakeup_timer) continue;
+      if (!(nearest_gap(instruments, X, x) < alarm)) continue;
       PatchSample& s = problem.sample[problem.samples++];
       s.id = sample_id(b, face.id, static_cast<int>(k));
       s.node = node;

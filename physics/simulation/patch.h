@@ -1,9 +1,10 @@
-// Gathers the patch: surface within the instrument's reach, its nodes and material sample points.
+// Gathers the patch: surface within the instruments' reach, its nodes and material sample points.
 //
 // A triangle is divided into k² equal parts, k = ⌈√(A/spacing²)⌉ of its *rest* area A, and each part's
 // centroid is a sample: fixed in the material, about `spacing` apart, never on an edge. A sample's id
 // is (body, face, index in the face), so that contact memory finds it again in the next patch.
-// Faces join in the order of their nearest sample until the patch's nodes are full. Where they do not all
+// Faces join in the order of their nearest sample until the patch's nodes are full, or the share that the
+// nearest instrument has of them. Where they do not all
 // fit, in the order of how near the free motion takes them on its way: what a retracting instrument held down
 // is farther than much of what is beside it, and is met before. Faces of rigid bodies need no nodes. Samples
 // beyond capacity are counted in `dropped_samples`.
@@ -14,7 +15,6 @@
 #include <vector>
 
 #include "physics/contact/condensed_problem.h"
-#include "physics/contact/instrument.h"
 #include "physics/simulation/body.h"
 #include "physics/simulation/body_contact/collision.h"
 
@@ -31,7 +31,7 @@ class PatchGatherer {
 
   // Fills nodes, samples and counts of `problem` from the candidate faces; positions come later,
   // with `set_patch_positions`. `alarm` bounds the samples' gaps at X.
-  void gather(const Bodies& bodies, const Instrument& instrument, const Pose& X, double wakeup_timer,
+  void gather(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X, double alarm,
               std::span<const NearFace> candidates, CondensedProblem& problem);
 
   std::span<const PatchNode> nodes() const { return nodes_; }
@@ -40,10 +40,11 @@ class PatchGatherer {
  private:
   struct Candidate {
     double gap;
+    int instrument;  // the nearest
     NearFace face;
   };
 
-  int deformable_nodes(const Bodies& bodies, std::span<const Candidate> candidates);
+  int deformable_nodes(const Bodies& bodies, int instrument);
   double nearest_on_the_way(const Body& body, int face, const Instrument& instrument, const Pose& X) const;
 
   double spacing_;

@@ -11,8 +11,8 @@ namespace hapticd {
 
 struct StepContext {
   const WorldSettings& settings;
-  const Instrument& instrument;
-  const InstrumentMotion& motion;
+  const std::vector<Instrument>& instruments;
+  const InstrumentMotions& motion;
   const PatchGatherer& patch;    // gathered last
   const BodyContacts& contacts;  // found last
   Bodies& bodies;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace hapticd {
@@ -14,16 +15,19 @@ bool is_near(std::span<const NearFace> near, int body) {
 
 }  // namespace
 
-World::World(std::vector<BodySettings> bodies, Instrument instrument, const WorldSettings& settings)
+World::World(std::vector<BodySettings> bodies, std::vector<Instrument> instruments,
+             const WorldSettings& settings)
     : settings_(settings),
-      instrument_(std::move(instrument)),
-      collision_(instrument_, settings.alarm_distance),
+      instruments_(std::move(instruments)),
+      collision_(instruments_, settings.alarm_distance),
       removal_(settings.removal, settings.h, bodies.size()),
       factors_(settings, bodies.size()),
       contact_(settings.sample_spacing),
       body_contact_(settings),
       prediction_(settings),
-      context_{settings_, instrument_, motion_, contact_.patch(), body_contact_.contacts(), bodies_} {
+      context_{settings_, instruments_, motion_, contact_.patch(), body_contact_.contacts(), bodies_} {
+  if (instruments_.empty() || instruments_.size() > max_instruments)
+    throw std::invalid_argument("a world has one to " + std::to_string(max_instruments) + " instruments");
   for (const ContactPair& p : contacts().pairs())
     if (std::min(p.points, p.faces) < 0 || std::max(p.points, p.faces) >= static_cast<int>(bodies.size()) ||
         p.points == p.faces)
@@ -34,7 +38,7 @@ World::World(std::vector<BodySettings> bodies, Instrument instrument, const Worl
   for (Body& b : bodies_) collision_.add_body(b.surface.faces(), b.state.x);
 }
 
-StepReport World::step(const std::function<InstrumentSample()>& latest, CondensedProblem& first,
+StepReport World::step(const std::function<InstrumentSamples()>& latest, CondensedProblem& first,
                        const std::function<CondensedProblem&()>& publish_interim) {
   const StepBegin begun = begin_step(latest(), publish_interim ? &first : nullptr);
   CondensedProblem& problem = begun.interim ? publish_interim() : first;
@@ -42,16 +46,16 @@ StepReport World::step(const std::function<InstrumentSample()>& latest, Condense
   return finish_step(settings_.newest_pose ? latest() : begun_with_, problem);
 }
 
-StepBegin World::begin_step(const InstrumentSample& sample, CondensedProblem* interim) {
+StepBegin World::begin_step(const InstrumentSamples& samples, CondensedProblem* interim) {
   StepReport& report = report_ = {};
   ++steps_;
-  begun_with_ = sample;
+  begun_with_ = samples;
   refresh_.forget();
 
-  motion_.follow(sample, settings_.h);
-  remove(sample, report);
-  wake_near(sample);
-  report.interim = interim && report.removed > 0 && fill_interim(sample, *interim, report);
+  motion_.follow(samples, settings_.h);
+  remove(samples, report);
+  wake_near(samples);
+  report.interim = interim && report.removed > 0 && fill_interim(samples, *interim, report);
   return {report.removed, report.interim};
 }
 
@@ -62,34 +66,38 @@ void World::factor_step() {
   factors_.run(context_, begun_with_, report_);
 }
 
-const StepReport& World::finish_step(const InstrumentSample& newest, CondensedProblem& problem) {
+const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedProblem& problem) {
   StepReport& report = report_;
-  const InstrumentSample& sample = settings_.newest_pose ? newest : begun_with_;
+  const InstrumentSamples& samples = settings_.newest_pose ? newest : begun_with_;
   const bool topology_changed = report.removed > 0 && !report.interim;  // since the problem before
-  gather(sample, topology_changed, problem, report);
-  contact_.condense(context_, factors_, sample, problem, report);
-  body_contact_.solve(context_, factors_, contact_, sample, problem, force_before_handover(sample, report),
-                      report);
+  gather(samples, topology_changed, problem, report);
+  contact_.condense(context_, factors_, samples, problem, report);
+  body_contact_.solve(context_, factors_, contact_, samples, problem,
+                      wrenches_before_handover(samples, report), report);
   report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force);
 
   factors_.renew(context_, report);
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);
   if (prediction_.active()) {
-    prediction_.linearise(context_, factors_, problem, sample, contact_.state.solver, removing_, report);
-    contact_.condense(context_, factors_, sample, problem, report);
+    prediction_.linearise(context_, factors_, problem, samples, contact_.state.solver, removing_, report);
+    contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);
   }
-  *published_.problem = problem;
+  copy_in_use(problem, *published_.problem);
   report_compliance(report);
   put_to_sleep();
   return report;
 }
 
-void World::remove(const InstrumentSample& sample, StepReport& report) {
+// Where they will be, so much later.
+InstrumentPoses World::poses_in(const InstrumentSamples& samples, double time) const {
+  return displaced(poses_of(samples), motion_.twist(), time);
+}
+
+void World::remove(const InstrumentSamples& samples, StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
-  const Removed removed =
-      removal_.remove(bodies_, instrument_, sample, displaced(sample.pose, removal_lead * motion_.twist()));
+  const Removed removed = removal_.remove(bodies_, instruments_, samples, poses_in(samples, removal_lead));
   for (const int b : removed.bodies) {
     collision_.set_surface(b, bodies_[b].surface.faces(), bodies_[b].state.x);
     body_contact_.surface_changed(bodies_, b);
@@ -99,56 +107,51 @@ void World::remove(const InstrumentSample& sample, StepReport& report) {
   removing_ = removed.tets > 0;
 }
 
-void World::wake_near(const InstrumentSample& sample) {
+void World::wake_near(const InstrumentSamples& samples) {
   const Within collision(context_.times(), StepPart::collision);
   for (int b = 0; b < context_.body_count(); ++b)
     if (is_awake(bodies_[b]) && removal_.gone()[b].empty()) collision_.refit(b, bodies_[b].state.x);
-  near_.clear();
-  if (!sample.present) return;
-  collision_.near_faces(sample.pose, near_);
+  collision_.near_faces(poses_of(samples), near_);
   for (const NearFace& f : near_) bodies_[f.body].asleep = false;
 }
 
-bool World::fill_interim(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report) {
-  if (!published_.any() || !has_interim_problem(context_, removal_.gone(), sample)) return false;
+bool World::fill_interim(const InstrumentSamples& samples, CondensedProblem& problem, StepReport& report) {
+  if (!published_.any() || !has_interim_problem(context_, removal_.gone(), samples)) return false;
   const Within condense(context_.times(), StepPart::condense);
   const auto nodes = contact_.patch().nodes();
   PatchForce pressed{{nodes.begin(), nodes.end()}, VecX::Zero(3 * static_cast<Eigen::Index>(nodes.size()))};
-  const Pose then = displaced(sample.pose, removal_lead * motion_.twist());
+  const InstrumentPoses then = poses_in(samples, removal_lead);
   if (usable(published_.solve(context_, then, contact_.state.solver)))
     pressed.force = force_on_patch(*published_.problem, *published_.scratch);
-  gather(sample, true, problem, report);
+  gather(samples, true, problem, report);
   return fill_interim_problem(context_, removal_.gone(), pressed, problem);
 }
 
-void World::gather(const InstrumentSample& sample, bool topology_changed, CondensedProblem& problem,
+void World::gather(const InstrumentSamples& samples, bool topology_changed, CondensedProblem& problem,
                    StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
-  // Where the instrument has not moved since the start of the step, they are known.
-  if (!sample.present)
-    near_.clear();
-  else if (!motion_.is_at(sample.pose))
-    collision_.near_faces(sample.pose, near_);
+  // Where no instrument has moved since the start of the step, they are known.
+  if (!motion_.are_at(samples)) collision_.near_faces(poses_of(samples), near_);
   // The instrument may have come within reach of a sleeping body since the start of the step.
   for (const NearFace& f : near_) {
     Body& body = bodies_[f.body];
     if (!body.deformable || !body.asleep) continue;
     body.asleep = false;
-    factors_.follow(context_, f.body, sample, {});
+    factors_.follow(context_, f.body, samples, {});
     factors_.factor(context_, f.body, report);
   }
-  contact_.gather(context_, sample.pose, near_, topology_changed, problem);
+  contact_.gather(context_, poses_of(samples), near_, topology_changed, problem);
 }
 
-// What the problem published last says at this pose, where another reference factor or surface may make a
+// What the problem published last says at these poses, where another reference factor or surface may make a
 // jump.
-std::optional<Vec3> World::force_before_handover(const InstrumentSample& sample,
-                                                 const StepReport& report) const {
-  const bool compares = sample.present && keeps_references(settings_) && published_.any() &&
+std::optional<EachInstrument<Vec6>> World::wrenches_before_handover(const InstrumentSamples& samples,
+                                                                    const StepReport& report) const {
+  const bool compares = any_present(samples) && keeps_references(settings_) && published_.any() &&
                         (report.references_adopted > 0 || report.removed > 0);
   if (!compares) return {};
   const Within solve(context_.times(), StepPart::solve);
-  return published_.solve(context_, sample.pose, contact_.state.solver).wrench.head<3>();
+  return published_.solve(context_, poses_of(samples), contact_.state.solver).wrench;
 }
 
 void World::report_compliance(StepReport& report) {
@@ -172,26 +175,26 @@ void World::put_to_sleep() {
   }
 }
 
-bool World::refresh(const InstrumentSample& sample, CondensedProblem& problem) {
-  if (!sample.present || !motion_.present() || !wants_refresh() || !published_.any()) return false;
+bool World::refresh(const InstrumentSamples& samples, CondensedProblem& problem) {
+  if (!any_present(samples) || !motion_.poses().any() || !wants_refresh() || !published_.any()) return false;
   CondensedProblem& last = *published_.problem;
-  const Pose X = displaced(sample.pose, middle_of_refresh * settings_.h * motion_.twist());
+  const InstrumentPoses X = poses_in(samples, middle_of_refresh * settings_.h);
   const ContactSolution contact = prediction_.solve(context_, last, X, contact_.state.solver, removing_);
   if (!usable(contact) || contact.active == 0) return false;
   if (!refresh_.apply(context_, prediction_.force(last), last)) return false;
   last.step = contact_.next_number();
   last.topology_changed = false;
-  problem = last;
+  copy_in_use(last, problem);
   return true;
 }
 
-ContactSolution World::solve_unfrozen(const InstrumentSample& sample, const CondensedProblem& published) {
+ContactSolution World::solve_unfrozen(const InstrumentSamples& samples, const CondensedProblem& published) {
   const auto problem = std::make_unique<CondensedProblem>(published);
   const InstrumentContactState before = contact_.state;
   StepReport report;
   set_patch_positions(bodies_, contact_.patch().nodes(), *problem);
-  contact_.condense(context_, factors_, sample, *problem, report);
-  body_contact_.solve_once(context_, factors_, contact_, sample, *problem, {}, report);
+  contact_.condense(context_, factors_, samples, *problem, report);
+  body_contact_.solve_once(context_, factors_, contact_, samples, *problem, {}, report);
   contact_.state = before;
   return report.contact;
 }

@@ -2,13 +2,13 @@
 //
 //   1  removals at the tip; where something went, an interim problem is published at once (interim_problem.h)
 //   2  rotations, A(u), factor, free motion, per awake body                            (factor_stage.h)
-//   3  latch the newest instrument pose, gather the patch, C_pp                        (instrument_contact.h)
-//   4  contact solve: δ = W λ + δ_free; with bodies that touch one another in one      (body_contact_stage.h)
-//   5  correct: Δx = Δx_free + C Hᵀλ, or so much of it as makes no energy              (energy_bound.h)
-//   6  free motion at the new state, same factor, or foreseen where 7 follows          (free_motion.h)
-//   7  look ahead: contact at `lead`, and bodies linearised there                      (prediction.h)
-//   8  fill the condensed problem; the caller publishes it                             (condensed_problem.h)
-//   9  after a removal, until the next step: the same problem for newer poses          (refresh.h)
+//   3  latch the newest instrument poses, gather the patch, C_pp (instrument_contact.h) 4  contact solve: δ =
+//   W λ + δ_free; with bodies that touch one another in one      (body_contact_stage.h) 5  correct: Δx =
+//   Δx_free + C Hᵀλ, or so much of it as makes no energy              (energy_bound.h) 6  free motion at the
+//   new state, same factor, or foreseen where 7 follows          (free_motion.h) 7  look ahead: contact at
+//   `lead`, and bodies linearised there                      (prediction.h) 8  fill the condensed problem;
+//   the caller publishes it                             (condensed_problem.h) 9  after a removal, until the
+//   next step: the same problem for newer poses          (refresh.h)
 //
 // Factor and free motion of 7 are those of the next step's 2, unless an element goes or the zone moves. A
 // body at rest and out of reach, which touches none that moves, sleeps: its step costs nothing. Units: SI.
@@ -32,7 +32,10 @@ namespace hapticd {
 
 class World {
  public:
-  World(std::vector<BodySettings> bodies, Instrument instrument, const WorldSettings& settings);
+  // Throws std::invalid_argument for more than `max_instruments` and for contact pairs of no two bodies.
+  World(std::vector<BodySettings> bodies, std::vector<Instrument> instruments, const WorldSettings& settings);
+  World(std::vector<BodySettings> bodies, Instrument one, const WorldSettings& settings)
+      : World(std::move(bodies), std::vector<Instrument>{std::move(one)}, settings) {}
   World(const World&) = delete;
   World& operator=(const World&) = delete;
 
@@ -40,15 +43,15 @@ class World {
   // `problem` is written whole, but for `published_ns`. With `publish_interim`, in steps that remove
   // something: it is called with `problem` written a first time, and gives the problem to write the second
   // time.
-  StepReport step(const std::function<InstrumentSample()>& latest, CondensedProblem& problem,
+  StepReport step(const std::function<InstrumentSamples()>& latest, CondensedProblem& problem,
                   const std::function<CondensedProblem&()>& publish_interim = {});
 
   // The same step in its parts, for whoever has something to do between them
   // (server/schedule/step_schedule.h): 1, with an interim problem where that is not null; 2; and 3 to 8 with
   // the newest sample there is by then. Nothing else may be called in between.
-  StepBegin begin_step(const InstrumentSample& sample, CondensedProblem* interim);
+  StepBegin begin_step(const InstrumentSamples& samples, CondensedProblem* interim);
   void factor_step();
-  const StepReport& finish_step(const InstrumentSample& newest, CondensedProblem& problem);
+  const StepReport& finish_step(const InstrumentSamples& newest, CondensedProblem& problem);
 
   // Between steps: the next one begins by removing these, whatever the tip does.
   void schedule_removal(int body, std::vector<int> tets) { removal_.schedule(body, std::move(tets)); }
@@ -56,7 +59,7 @@ class World {
   // Between steps, after one that removed something: its problem made again for where the instrument now is,
   // if what is left turns there. False: there is nothing to publish.
   bool wants_refresh() const { return removing_ && looks_ahead(); }
-  bool refresh(const InstrumentSample& sample, CondensedProblem& problem);
+  bool refresh(const InstrumentSamples& samples, CondensedProblem& problem);
 
   // Between steps: new reference factors to be made elsewhere, at most one at a time for a body; and back. A
   // body whose reference factor never comes stays right in its zone, and its report says how stale the rest
@@ -66,38 +69,40 @@ class World {
 
   // The problem that the last step published, at another pose and with no contact of the bodies frozen: what
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
-  ContactSolution solve_unfrozen(const InstrumentSample& sample, const CondensedProblem& published);
+  ContactSolution solve_unfrozen(const InstrumentSamples& samples, const CondensedProblem& published);
 
   // A step's factor is made for the step to come, which then latches its pose at once.
   bool looks_ahead() const { return prediction_.active(); }
 
   const Bodies& bodies() const { return bodies_; }
   const BodyContacts& contacts() const { return body_contact_.contacts(); }
-  const Instrument& instrument() const { return instrument_; }
+  const std::vector<Instrument>& instruments() const { return instruments_; }
   // Rows and λ of the last step's contact solve.
   const ContactScratch& contact_scratch() const { return contact_.scratch(); }
   std::uint64_t steps() const { return steps_; }
   int removed() const { return removal_.total(); }
 
  private:
-  void remove(const InstrumentSample& sample, StepReport& report);
-  void wake_near(const InstrumentSample& sample);
-  bool fill_interim(const InstrumentSample& sample, CondensedProblem& problem, StepReport& report);
-  void gather(const InstrumentSample& sample, bool topology_changed, CondensedProblem& problem,
+  InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
+  void remove(const InstrumentSamples& samples, StepReport& report);
+  void wake_near(const InstrumentSamples& samples);
+  bool fill_interim(const InstrumentSamples& samples, CondensedProblem& problem, StepReport& report);
+  void gather(const InstrumentSamples& samples, bool topology_changed, CondensedProblem& problem,
               StepReport& report);
-  std::optional<Vec3> force_before_handover(const InstrumentSample& sample, const StepReport& report) const;
+  std::optional<EachInstrument<Vec6>> wrenches_before_handover(const InstrumentSamples& samples,
+                                                               const StepReport& report) const;
   void report_compliance(StepReport& report);
   void put_to_sleep();
 
   WorldSettings settings_;
-  Instrument instrument_;
-  StepReport report_;            // of the step under way, or the last
-  InstrumentSample begun_with_;  // … and the sample that it began with
+  std::vector<Instrument> instruments_;
+  StepReport report_;             // of the step under way, or the last
+  InstrumentSamples begun_with_;  // … and the samples that it began with
   Bodies bodies_;
   Collision collision_;
-  std::vector<NearFace> near_;  // of the instrument's newest pose
+  std::vector<NearFace> near_;  // of the instruments' newest poses
 
-  InstrumentMotion motion_;
+  InstrumentMotions motion_;
   RemovalStage removal_;
   FactorStage factors_;
   InstrumentContact contact_;

@@ -17,8 +17,9 @@ struct WorldSettings {
   double sample_spacing = 0;  // [m]
   Renewal contact = Renewal::renewed;
   Vec3 gravity = Vec3::Zero();  // [m/s²]
-  VirtualCoupling coupling;
-  RemovalSettings removal;
+  EachInstrument<VirtualCoupling> coupling;
+  EachInstrument<RemovalSettings> removal;
+  double instrument_friction = 0;  // Coulomb μ where two instruments touch
   ComplianceMethod compliance = ComplianceMethod::exact;
   ComplianceOptions compliance_options;
   BodyContactSettings body_contact;  // which bodies touch one another; none by default

@@ -8,6 +8,7 @@
 #include "haptic/allocation_count.h"
 #include "server/dds/dds_sockets.h"
 #include "server/observe/dds_log.h"
+#include "server/scene/scene_world.h"
 
 namespace hapticd {
 namespace {
@@ -34,16 +35,16 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       domain_(options.domain, default_dds_profile()),
       participant_(domain_, options.security) {
   on_realtime_core_.reset();
-  const auto add = [&](const DeviceSettings& device) {
-    const bool first = device_sessions_.empty();
-    device_sessions_.push_back(std::make_unique<DeviceSession>(
-        scene, device, participant_,
-        DeviceSessionOptions{options.mode, realtime_core_, simulation_core_, first,
-                             first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
-                             options.capture_every, first ? options.schedule : std::nullopt}));
+  const auto add = [&](const std::vector<DeviceSettings>& devices) {
+    const bool first = sessions_.empty();
+    sessions_.push_back(std::make_unique<WorldSession>(
+        scene, devices, participant_,
+        WorldSessionOptions{options.mode, realtime_core_, simulation_core_, static_cast<int>(sessions_.size()),
+                            first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
+                            options.capture_every, first ? options.schedule : std::nullopt}));
   };
-  add(scene.device);
-  for (const DeviceSettings& device : scene.more_devices) add(device);
+  add(devices_of(scene));
+  for (const DeviceSettings& device : scene.more_devices) add({device});
   grants_.push_back(latency_.grant());
   grants_.push_back(core_isolation_.grant());
 }
@@ -51,28 +52,28 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
 Daemon::~Daemon() { stop(); }
 
 void Daemon::start() {
-  for (const auto& device_session : device_sessions_) {
-    std::vector<Grant> granted = device_session->start_loops();
+  for (const auto& session : sessions_) {
+    std::vector<Grant> granted = session->start_loops();
     // The same for each station: said once.
-    if (device_session == device_sessions_.front())
+    if (session == sessions_.front())
       for (Grant& g : granted) grants_.push_back(std::move(g));
   }
-  for (const auto& device_session : device_sessions_) device_session->start_diagnostics(grants_);
+  for (const auto& session : sessions_) session->start_diagnostics(grants_);
 }
 
 void Daemon::stop() noexcept {
-  for (const auto& device_session : device_sessions_) device_session->stop();
+  for (const auto& session : sessions_) session->stop();
 }
 
 bool Daemon::failed() const noexcept {
-  for (const auto& device_session : device_sessions_)
-    if (device_session->failed()) return true;
+  for (const auto& session : sessions_)
+    if (session->failed()) return true;
   return false;
 }
 
 std::string Daemon::failure() const {
-  for (const auto& device_session : device_sessions_)
-    if (device_session->failed()) return device_session->failure();
+  for (const auto& session : sessions_)
+    if (session->failed()) return session->failure();
   return {};
 }
 
@@ -86,12 +87,13 @@ std::string Daemon::metrics() const {
   process.dds_lines = dds_lines();
   process.lines_lost = lines_lost();
   std::vector<MetricsSource> devices;
-  for (const auto& device_session : device_sessions_) devices.push_back(device_session->metrics());
+  for (const auto& session : sessions_)
+    for (int i = 0; i < session->devices(); ++i) devices.push_back(session->metrics(i));
   return prometheus_text(process, devices);
 }
 
 nlohmann::json Daemon::summary() const {
-  nlohmann::json j = device_sessions_.front()->summary();
+  nlohmann::json j = sessions_.front()->summary(0);
   j["scene"] = scene_.name;
   j["time_ns"] = monotonic_ns();
   j["rss_mb"] = resident_mb();
@@ -103,10 +105,11 @@ nlohmann::json Daemon::summary() const {
   for (const Grant& g : grants_)
     grants.push_back({{"what", g.what}, {"granted", g.granted}, {"detail", g.detail}});
   j["grants"] = grants;
-  if (device_sessions_.size() > 1) {
-    nlohmann::json& more = j["more_devices"] = nlohmann::json::array();
-    for (std::size_t i = 1; i < device_sessions_.size(); ++i) more.push_back(device_sessions_[i]->summary());
-  }
+  nlohmann::json more = nlohmann::json::array();
+  for (const auto& session : sessions_)
+    for (int i = session == sessions_.front() ? 1 : 0; i < session->devices(); ++i)
+      more.push_back(session->summary(i));
+  if (!more.empty()) j["more_devices"] = std::move(more);
   return j;
 }
 

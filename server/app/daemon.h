@@ -1,6 +1,6 @@
 // The daemon as one object: what is made, started and stopped, in which order.
 //
-//   scene → DDS (before any thread goes SCHED_FIFO) → a station per device (device_session.h): world, loops
+//   scene → DDS (before any thread goes SCHED_FIFO) → a session per world (world_session.h): devices, loops
 //   start: simulations and haptic loops, then diagnostics;   stop: haptic loop first (the device feels zero),
 //   then simulation, then diagnostics (which drains what they left)
 //
@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "server/app/device_session.h"
+#include "server/app/world_session.h"
 #include "server/observe/metrics.h"
 #include "server/os/core_isolation.h"
 
@@ -24,7 +24,7 @@ namespace hapticd {
 struct DaemonOptions {
   std::uint32_t domain = 0;
   LoopMode mode = LoopMode::tick;
-  std::optional<std::filesystem::path> record;  // of the scene's first device
+  std::optional<std::filesystem::path> record;  // of the scene's instruments (world_session.h)
   std::optional<std::filesystem::path> capture;  // a directory for contact problems (haptic/contact_capture.h)
   std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
   std::optional<Security> security;
@@ -44,13 +44,11 @@ class Daemon {
   std::string failure() const;
   const std::vector<Grant>& grants() const noexcept { return grants_; }
   // Figures of the run so far; keys as tools/demo's summary uses them. The first device's at the top level,
-  // the others' under more_devices.
+  // the others' under more_devices, whichever world they are in.
   nlohmann::json summary() const;
   // The same counters for a monitoring system; any thread, after start.
   std::string metrics() const;
-  const std::vector<std::unique_ptr<DeviceSession>>& device_sessions() const noexcept {
-    return device_sessions_;
-  }
+  const std::vector<std::unique_ptr<WorldSession>>& sessions() const noexcept { return sessions_; }
 
  private:
   const Scene& scene_;
@@ -63,7 +61,7 @@ class Daemon {
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;
-  std::vector<std::unique_ptr<DeviceSession>> device_sessions_;
+  std::vector<std::unique_ptr<WorldSession>> sessions_;
 };
 
 }  // namespace hapticd

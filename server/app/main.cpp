@@ -28,6 +28,7 @@
 #include "server/observe/metrics_server.h"
 #include "server/os/realtime.h"
 #include "server/plan/plan.h"
+#include "server/record/bag_writer.h"
 #include "server/scene/scene_describe.h"
 #include "server/scene/scene_reader.h"
 
@@ -59,12 +60,14 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--duration", a.duration, "Stop by itself after so many seconds; 0: run until a signal")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
-  app.add_option("--device", a.device, "Device file or name that replaces the scene's (limits only)");
+  app.add_option("--device", a.device,
+                 "Device file or name that replaces the first instrument's (limits only)");
   app.add_option(
       "--also", a.also,
       "One more device, as the scene's first but with tissue, id and limits of its own; may be repeated");
   app.add_option("--record", a.record,
-                 "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv")
+                 "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv. Of "
+                 "several instruments the first has this name, the others with their own: FILE.NAME.csv")
       ->type_name("DIR|FILE.csv");
   CLI::Option* capture = app.add_option(
       "--capture", a.capture,
@@ -149,6 +152,14 @@ void check_outputs(const Arguments& a) {
   rule.require_folder_without("--capture", a.capture, ".contact");
 }
 
+// Each recording of several is refused before any is begun.
+void check_recordings(const Arguments& a, const Scene& scene) {
+  if (a.record.empty() || scene.instruments.size() < 2) return;
+  const OutputRule rule(a.force);
+  for (const std::filesystem::path& file : recordings_of(a.record, scene))
+    file.extension() == ".csv" ? rule.require_new("--record", file) : require_no_bag(file);
+}
+
 void write_figures(const Daemon& daemon, const std::string& file) { write_json(file, daemon.summary()); }
 
 // A test hook: the thread that gets the signal stands.
@@ -212,6 +223,7 @@ int run(const Arguments& a) {
   check_outputs(a);
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
+  check_recordings(a, scene);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
   std::optional<Security> security;
   if (a.open_network) open_network();

@@ -28,7 +28,7 @@ constexpr std::array<Field, 8> fields = {{{"max_force", &DeviceTuning::max_force
                                           {"position_scale", &DeviceTuning::position_scale, false},
                                           {"force_scale", &DeviceTuning::force_scale, false}}};
 
-void flatten(const YAML::Node& node, const std::string& path, std::map<std::string, std::string>& out) {
+void flatten(const YAML::Node& node, const std::string& path, FlatYaml& out) {
   if (node.IsMap())
     for (const auto& entry : node)
       flatten(entry.second, path.empty() ? entry.first.Scalar() : path + "." + entry.first.Scalar(), out);
@@ -36,12 +36,6 @@ void flatten(const YAML::Node& node, const std::string& path, std::map<std::stri
     for (std::size_t i = 0; i < node.size(); ++i) flatten(node[i], path + "[" + std::to_string(i) + "]", out);
   else if (node.IsScalar())
     out[path] = node.Scalar();
-}
-
-std::vector<DeviceTuning> tunings_of(const Scene& scene) {
-  std::vector<DeviceTuning> all = {tuning_of(scene.device)};
-  for (const DeviceSettings& d : scene.more_devices) all.push_back(tuning_of(d));
-  return all;
 }
 
 std::string shown(double x) {
@@ -56,8 +50,7 @@ bool is_taken(const std::string& key) {
 }
 
 // Keys that are there on one side only, or with another value.
-std::vector<std::string> changed(const std::map<std::string, std::string>& a,
-                                 const std::map<std::string, std::string>& b) {
+std::vector<std::string> changed(const FlatYaml& a, const FlatYaml& b) {
   std::set<std::string> keys;
   for (const auto& [key, value] : a)
     if (const auto other = b.find(key); other == b.end() || other->second != value) keys.insert(key);
@@ -66,71 +59,88 @@ std::vector<std::string> changed(const std::map<std::string, std::string>& a,
   return {keys.begin(), keys.end()};
 }
 
+// The instruments' devices, then the further ones, which are driven as the first is.
+std::vector<ReloadedDevice> devices_of(const Scene& scene, const FlatYaml& keys) {
+  std::vector<ReloadedDevice> all;
+  for (const SceneInstrument& held : scene.instruments)
+    all.push_back({held.device.id, held.device_file.string(), held.coupling.stiffness, held.device_stiffness,
+                   tuning_of(held.device)});
+  for (std::size_t i = 0; i < scene.more_devices.size(); ++i) {
+    const auto name = keys.find("more_devices[" + std::to_string(i) + "].device");
+    all.push_back({scene.more_devices[i].id, name == keys.end() ? "" : name->second,
+                   scene.first().coupling.stiffness, scene.first().device_stiffness,
+                   tuning_of(scene.more_devices[i])});
+  }
+  return all;
+}
+
 }  // namespace
 
-std::map<std::string, std::string> flat_yaml(const fs::path& file) {
-  std::map<std::string, std::string> out;
+FlatYaml flat_yaml(const fs::path& file) {
+  FlatYaml out;
   flatten(YAML::LoadFile(file.string()), "", out);
   return out;
 }
 
 Reloader::Reloader(const Scene& scene, const std::string& device, const std::vector<std::string>& also)
     : file_(scene.file),
-      device_file_(scene.device_file),
       device_(device),
       also_(also),
-      coupling_(scene.coupling.stiffness),
-      stiffness_(scene.device_stiffness),
-      started_(tunings_of(scene)),
-      now_(started_),
       log_level_(scene.log_level),
       keys_(flat_yaml(scene.file)),
-      device_keys_(flat_yaml(scene.device_file)) {
+      started_(devices_of(scene, keys_)) {
+  for (const ReloadedDevice& d : started_) now_.push_back(d.tuning);
+  for (const SceneInstrument& held : scene.instruments)
+    device_keys_.emplace(held.device_file, flat_yaml(held.device_file));
   for (const SceneBody& body : scene.bodies)
     meshes_.emplace_back(body.mesh_file, fs::last_write_time(body.mesh_file));
+}
+
+// now: the tuning of `started` that is asked for at present; gets what is given.
+void Reloader::retune(const ReloadedDevice& started, const ReloadedDevice& wanted, DeviceTuning& now,
+                      Reload& r) const {
+  DeviceTuning asked = now;
+  for (const Field& f : fields)
+    if (!f.in_device_file || wanted.source == started.source) asked.*f.value = wanted.tuning.*f.value;
+  const DeviceTuning given = clamped(asked, started.tuning, started.coupling, started.stiffness);
+  const std::string who = "device " + std::to_string(started.id) + ": ";
+  for (const Field& f : fields) {
+    const double before = now.*f.value, after = given.*f.value;
+    if (after != before) r.taken.push_back(who + f.name + " " + shown(before) + " → " + shown(after));
+    if (after != asked.*f.value)
+      r.clamped.push_back(
+          who + f.name + " " + shown(asked.*f.value) + " is beyond " +
+          (f.in_device_file ? "what the device started with" : "what the device displays stably") + ": " +
+          shown(after));
+  }
+  now = given;
 }
 
 Reload Reloader::read() {
   Scene scene = read_scene(file_, device_);
   for (const std::string& name : also_) add_device(scene, name);
-  const std::vector<DeviceTuning> wanted = tunings_of(scene);
-  const std::vector<std::string> other = changed(keys_, flat_yaml(file_));
+  const FlatYaml keys = flat_yaml(file_);
+  const std::vector<ReloadedDevice> wanted = devices_of(scene, keys);
   Reload r;
   r.log_level = scene.log_level;
   r.tunings = now_;
   if (r.log_level != log_level_) r.taken.push_back("logging.level " + log_level_ + " → " + r.log_level);
 
-  const auto is_changed = [&](const std::string& key) {
-    return std::find(other.begin(), other.end(), key) != other.end();
-  };
-  const bool same_devices = wanted.size() == started_.size();
-  for (std::size_t i = 0; same_devices && i < wanted.size(); ++i) {
-    const std::string entry = "more_devices[" + std::to_string(i - 1) + "].";
-    const bool same_file = i == 0 ? scene.device_file == device_file_
-                                  : !is_changed(entry + "device") && !is_changed(entry + "id");
-    DeviceTuning asked = now_[i];
-    for (const Field& f : fields)
-      if (!f.in_device_file || same_file) asked.*f.value = wanted[i].*f.value;
-    const DeviceTuning given = clamped(asked, started_[i], coupling_, stiffness_);
-    const std::string who =
-        "device " + std::to_string(i == 0 ? scene.device.id : scene.more_devices[i - 1].id) + ": ";
-    for (const Field& f : fields) {
-      const double before = now_[i].*f.value, after = given.*f.value;
-      if (after != before) r.taken.push_back(who + f.name + " " + shown(before) + " → " + shown(after));
-      if (after != asked.*f.value)
-        r.clamped.push_back(
-            who + f.name + " " + shown(asked.*f.value) + " is beyond " +
-            (f.in_device_file ? "what the device started with" : "what the device displays stably") + ": " +
-            shown(after));
-    }
-    r.tunings[i] = given;
-  }
-  for (const std::string& key : other)
+  if (wanted.size() == started_.size())
+    for (std::size_t i = 0; i < started_.size(); ++i)
+      for (const ReloadedDevice& w : wanted)
+        if (w.id == started_[i].id) retune(started_[i], w, r.tunings[i], r);
+
+  for (const std::string& key : changed(keys_, keys))
     if (!is_taken(key)) r.not_taken.push_back(key + " (restart for it)");
-  if (scene.device_file == device_file_)
-    for (const char* key : {"max_stiffness", "id"})
-      for (const std::string& c : changed(device_keys_, flat_yaml(device_file_)))
-        if (c == key) r.not_taken.push_back(device_file_.string() + ": " + c + " (restart for it)");
+  for (const auto& [file, keys_at_start] : device_keys_) {
+    const bool used = std::any_of(scene.instruments.begin(), scene.instruments.end(),
+                                  [&](const SceneInstrument& held) { return held.device_file == file; });
+    if (!used) continue;
+    for (const std::string& key : changed(keys_at_start, flat_yaml(file)))
+      if (key == "id" || key == "max_stiffness")
+        r.not_taken.push_back(file.string() + ": " + key + " (restart for it)");
+  }
   for (const auto& [mesh, written] : meshes_) {
     std::error_code error;
     const auto newest = fs::last_write_time(mesh, error);

@@ -4,8 +4,9 @@
 //   clamped     haptic/tuning.h
 //   not taken   every other key whose value is another than at the start, and meshes whose file is newer
 //
-// A device whose file is another than at the start keeps its limits. Errors: read throws InputError as the
-// scene's reader does; nothing is taken then. Thread safety: one thread.
+// A device is found again by its id: one that is no longer there stays as it is, and all do where their
+// number is another. A device whose file is another than at the start keeps its limits. Errors: read throws
+// InputError as the scene's reader does; nothing is taken then. Thread safety: one thread.
 #pragma once
 
 #include <filesystem>
@@ -19,14 +20,23 @@
 namespace hapticd {
 
 // Every scalar of a YAML file under its whole key: mapping.origin[2] → "0.01".
-std::map<std::string, std::string> flat_yaml(const std::filesystem::path& file);
+using FlatYaml = std::map<std::string, std::string>;
+FlatYaml flat_yaml(const std::filesystem::path& file);
 
 struct Reload {
-  std::vector<DeviceTuning> tunings;  // of the scene's devices in their order
+  std::vector<DeviceTuning> tunings;  // in the order of the start: instruments, then more_devices
   std::string log_level;
   std::vector<std::string> taken;      // "device 0: max_force 3.3 → 2"
   std::vector<std::string> clamped;    // what was asked for and is not safe
   std::vector<std::string> not_taken;  // "simulation.rate (restart for it)"
+};
+
+// A device as a scene describes it.
+struct ReloadedDevice {
+  std::uint32_t id = 0;
+  std::string source;  // what says its limits: a file, or the name of it
+  double coupling = 0, stiffness = 0;
+  DeviceTuning tuning;
 };
 
 class Reloader {
@@ -37,13 +47,17 @@ class Reloader {
   Reload read();
 
  private:
-  std::filesystem::path file_, device_file_;
+  void retune(const ReloadedDevice& started, const ReloadedDevice& wanted, DeviceTuning& now,
+              Reload& r) const;
+
+  std::filesystem::path file_;
   std::string device_;
   std::vector<std::string> also_;
-  double coupling_, stiffness_;
-  std::vector<DeviceTuning> started_, now_;
   std::string log_level_;
-  std::map<std::string, std::string> keys_, device_keys_;
+  FlatYaml keys_;
+  std::vector<ReloadedDevice> started_;
+  std::vector<DeviceTuning> now_;
+  std::map<std::filesystem::path, FlatYaml> device_keys_;
   std::vector<std::pair<std::filesystem::path, std::filesystem::file_time_type>> meshes_;
 };
 

@@ -12,19 +12,20 @@ namespace {
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr std::int64_t figures_every_ns = 1'000'000'000;
 
-LoopCounters counters_of(const DeviceSession& device_session) {
-  const LoopStatistics& h = device_session.haptic_statistics();
-  const SimulationStatistics& s = device_session.simulation_statistics();
-  return {.device_id = device_session.device_id(),
+LoopCounters counters_of(const WorldSession& session, int device) {
+  const LoopStatistics& h = session.haptic_statistics(device);
+  const SimulationStatistics& s = session.simulation_statistics();
+  return {.device_id = session.device_id(device),
           .status = h.status.load(relaxed) | (h.run.load(relaxed) == 0 ? std::uint32_t{status_disarmed} : 0u),
           .deadline_misses = h.deadline_misses.load(relaxed),
           .missed = h.missed.load(relaxed),
           .refused = h.refused.load(relaxed),
           .conflicts = h.conflicts.load(relaxed),
           .solver_caps = h.solver_caps.load(relaxed),
-          .overruns = s.overruns.load(relaxed),
-          .references_failed = s.references_failed.load(relaxed),
-          .recording_dropped = device_session.recording_dropped()};
+          // Of the world: said once.
+          .overruns = device == 0 ? s.overruns.load(relaxed) : 0,
+          .references_failed = device == 0 ? s.references_failed.load(relaxed) : 0,
+          .recording_dropped = session.recording_dropped(device)};
 }
 
 }  // namespace
@@ -40,9 +41,9 @@ Service::Service(Daemon& daemon, Reloader& reloader, const Notifier& notifier, c
 
 LoopCounts Service::counts() const {
   LoopCounts counts;
-  for (const auto& device_session : daemon_.device_sessions()) {
-    counts.push_back(device_session->haptic_statistics().run.load(relaxed));
-    counts.push_back(device_session->simulation_statistics().steps.load(relaxed));
+  for (const auto& session : daemon_.sessions()) {
+    counts.push_back(session->haptic_statistics(0).run.load(relaxed));
+    counts.push_back(session->simulation_statistics().steps.load(relaxed));
   }
   return counts;
 }
@@ -72,20 +73,22 @@ void Service::run() {
 void Service::look(std::int64_t now_ns) {
   const bool figures = log_level_now() == LogLevel::debug && now_ns - figures_ns_ >= figures_every_ns;
   if (figures) figures_ns_ = now_ns;
-  for (const auto& device_session : daemon_.device_sessions()) {
-    const LoopCounters counters = counters_of(*device_session);
-    for (const Incident& i : incidents_.look(now_ns, counters)) log(i.level, i.event, i.message, i.fields);
-    if (!figures) continue;
-    const LoopStatistics& h = device_session->haptic_statistics();
-    log(LogLevel::debug, "figures",
-        "device " + std::to_string(counters.device_id) + ": " + std::to_string(h.run.load(relaxed)) +
-            " ticks, " + std::to_string(h.answered.load(relaxed)) + " answers, " +
-            std::to_string(device_session->simulation_statistics().steps.load(relaxed)) + " steps",
-        {{"device", counters.device_id},
-         {"ticks", h.run.load(relaxed)},
-         {"answered", h.answered.load(relaxed)},
-         {"steps", device_session->simulation_statistics().steps.load(relaxed)}});
-  }
+  for (const auto& session : daemon_.sessions())
+    for (int i = 0; i < session->devices(); ++i) {
+      const LoopCounters counters = counters_of(*session, i);
+      for (const Incident& of : incidents_.look(now_ns, counters))
+        log(of.level, of.event, of.message, of.fields);
+      if (!figures) continue;
+      const LoopStatistics& h = session->haptic_statistics(i);
+      log(LogLevel::debug, "figures",
+          "device " + std::to_string(counters.device_id) + ": " + std::to_string(h.run.load(relaxed)) +
+              " ticks, " + std::to_string(h.answered.load(relaxed)) + " answers, " +
+              std::to_string(session->simulation_statistics().steps.load(relaxed)) + " steps",
+          {{"device", counters.device_id},
+           {"ticks", h.run.load(relaxed)},
+           {"answered", h.answered.load(relaxed)},
+           {"steps", session->simulation_statistics().steps.load(relaxed)}});
+    }
 }
 
 void Service::reload() {
@@ -93,8 +96,10 @@ void Service::reload() {
   std::string status = "reloaded";
   try {
     const Reload r = reloader_.read();
-    for (std::size_t i = 0; i < daemon_.device_sessions().size() && i < r.tunings.size(); ++i)
-      daemon_.device_sessions()[i]->retune(r.tunings[i]);
+    std::size_t next = 0;  // devices in the order of the scene
+    for (const auto& session : daemon_.sessions())
+      for (int i = 0; i < session->devices() && next < r.tunings.size(); ++i)
+        session->retune(i, r.tunings[next++]);
     set_log_level(log_level(r.log_level).value_or(LogLevel::info));
     for (const std::string& what : r.clamped)
       log(LogLevel::warning, "reload_clamped", "clamped: " + what, {{"what", what}});
@@ -114,10 +119,10 @@ void Service::reload() {
 }
 
 void Service::test_hook(const siginfo_t& info) {
-  for (const auto& device_session : daemon_.device_sessions()) {
+  for (const auto& session : daemon_.sessions()) {
     if (info.si_signo == SIGRTMIN)
-      device_session->simulation().hold(std::int64_t{1'000'000} * info.si_value.sival_int);
-    if (info.si_signo == SIGRTMIN + 1) device_session->simulation().poison();
+      session->simulation().hold(std::int64_t{1'000'000} * info.si_value.sival_int);
+    if (info.si_signo == SIGRTMIN + 1) session->simulation().poison();
   }
 }
 

@@ -28,14 +28,14 @@ void raise(std::atomic<double>& largest, double value) {
 }  // namespace
 
 SimulationLoop::SimulationLoop(World& world, PartTimes& times, double rate,
-                               Channel<InstrumentInput>& instrument, Channel<CondensedProblem>& problems,
-                               Channel<SceneSnapshot>& snapshots)
+                               Channel<InstrumentInputs>& instruments, Channel<CondensedProblem>& problems,
+                               std::vector<Channel<SceneSnapshot>*> snapshots)
     : world_(world),
       times_(times),
       schedule_(world, std::llround(1e9 / rate)),
-      instrument_(instrument),
+      instruments_(instruments),
       problems_(problems),
-      snapshots_(snapshots) {}
+      snapshots_(std::move(snapshots)) {}
 
 SimulationLoop::~SimulationLoop() { stop(); }
 
@@ -95,14 +95,14 @@ void SimulationLoop::end_counting() {
   const std::int64_t spent = monotonic_ns() - begun_ns_;
   statistics_.step.record(spent);
   count(schedule_.report());
-  publish_snapshot(spent, schedule_.report());
+  publish_snapshots(spent, schedule_.report());
 }
 
-InstrumentSample SimulationLoop::latch() {
-  instrument_.acquire();
-  const InstrumentSample sample = sample_of(instrument_.front());
-  record({.action = now_.action, .asked_ns = now_.asked_ns, .step_ns = now_.step_ns, .sample = sample});
-  return sample;
+InstrumentSamples SimulationLoop::latch() {
+  instruments_.acquire();
+  const InstrumentSamples samples = samples_of(instruments_.front());
+  record({.action = now_.action, .asked_ns = now_.asked_ns, .step_ns = now_.step_ns, .samples = samples});
+  return samples;
 }
 
 std::optional<ReferenceJob> SimulationLoop::finished_reference() {
@@ -146,14 +146,12 @@ void SimulationLoop::count(const StepReport& report) {
     raise(s.rotation, b.compliance.rotation_since_reference);
   }
   if (degraded) s.rough_steps.fetch_add(1, std::memory_order_relaxed);
-  raise(s.force_peak, report.contact.wrench.head<3>().norm());
+  for (const Vec6& wrench : report.contact.wrench.value) raise(s.force_peak, wrench.head<3>().norm());
   raise(report.removed > 0 ? s.jump_at_removal : s.jump_at_reference, report.handover_jump);
 }
 
-void SimulationLoop::publish_snapshot(std::int64_t step_ns, const StepReport& report) {
-  SceneSnapshot& snapshot = snapshots_.back();
+void SimulationLoop::show_bodies(const StepReport& report, SceneSnapshot& snapshot) {
   const Bodies& bodies = world_.bodies();
-  snapshot.step = world_.steps();
   snapshot.bodies.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (!bodies[b].deformable) continue;
@@ -163,24 +161,38 @@ void SimulationLoop::publish_snapshot(std::int64_t step_ns, const StepReport& re
       Eigen::Map<Eigen::Vector3f>(&out.nodes[3 * n]) = bodies[b].state.x[n].cast<float>();
     pack_bits(bodies[b].state.alive, out.alive);
   }
-  snapshot.instrument = instrument_.front().X;
+  snapshot.instruments.resize(world_.instruments().size());
+  for (std::size_t i = 0; i < snapshot.instruments.size(); ++i)
+    snapshot.instruments[i] = instruments_.front()[static_cast<int>(i)].X;
   snapshot.contacts.clear();
+  snapshot.pressing.clear();
   for (const ContactForce& c : contact_forces(world_.contact_scratch(), report.contact.instrument)) {
     for (const Vec3& v : {c.place, c.force})
       for (int i = 0; i < 3; ++i) snapshot.contacts.push_back(static_cast<float>(v[i]));
     snapshot.contacts.push_back(static_cast<float>(c.gap));
+    snapshot.pressing.push_back(static_cast<std::uint8_t>(c.instrument));
+    snapshot.pressing.push_back(c.other < 0 ? pressed_tissue : static_cast<std::uint8_t>(c.other));
   }
-  snapshot.elements_removed = static_cast<std::uint32_t>(statistics_.removed.load(std::memory_order_relaxed));
-  snapshot.fragments_aspirated =
-      static_cast<std::uint32_t>(statistics_.aspirated.load(std::memory_order_relaxed));
-  snapshot.step_ms = 1e-6 * static_cast<double>(step_ns);
-  snapshot.rate_hz = statistics_.rate_hz();
+}
+
+void SimulationLoop::publish_snapshots(std::int64_t step_ns, const StepReport& report) {
+  if (!snapshots_.empty()) show_bodies(report, snapshots_.front()->back());
   times_.enter(static_cast<int>(StepPart::publish));  // which ends the part so far
   for (std::size_t p = 0; p < step_parts; ++p) part_ns_[p] += times_.ns(static_cast<StepPart>(p));
-  snapshot.health.step = world_.steps();
-  snapshot.health.part_ns = part_ns_;
-  snapshot.health.bodies = report.compliance;
-  snapshots_.publish();
+  for (Channel<SceneSnapshot>* channel : snapshots_) {
+    SceneSnapshot& snapshot = channel->back();
+    snapshot.step = world_.steps();
+    snapshot.elements_removed =
+        static_cast<std::uint32_t>(statistics_.removed.load(std::memory_order_relaxed));
+    snapshot.fragments_aspirated =
+        static_cast<std::uint32_t>(statistics_.aspirated.load(std::memory_order_relaxed));
+    snapshot.step_ms = 1e-6 * static_cast<double>(step_ns);
+    snapshot.rate_hz = statistics_.rate_hz();
+    snapshot.health.step = world_.steps();
+    snapshot.health.part_ns = part_ns_;
+    snapshot.health.bodies = report.compliance;
+    channel->publish();
+  }
 }
 
 }  // namespace hapticd

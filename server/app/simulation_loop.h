@@ -5,7 +5,7 @@
 // Time: an absolute grid on CLOCK_MONOTONIC. Of grid points that the schedule leaves out (`overruns` counts
 // them) simulation time falls behind real time by as much.
 // Thread safety: start and stop belong to one thread; statistics may be read by any. The loop's thread
-// alone writes `problems` and `snapshots` and reads `instrument`.
+// alone writes `problems` and `snapshots` and reads `instruments`.
 // Errors: an exception in a step (a singular body) ends the loop and is kept in `failure()`; the haptic
 // loop then lets the force go by the problem's age.
 #pragma once
@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "haptic/channel.h"
-#include "haptic/device.h"
+#include "haptic/haptic_step.h"
 #include "haptic/histogram.h"
 #include "haptic/spsc_queue.h"
 #include "server/app/reference_maker.h"
@@ -57,9 +57,10 @@ struct SimulationStatistics {
 
 class SimulationLoop final : private StepHost {
  public:
-  // Everything referred to must outlive the loop.
-  SimulationLoop(World& world, PartTimes& times, double rate, Channel<InstrumentInput>& instrument,
-                 Channel<CondensedProblem>& problems, Channel<SceneSnapshot>& snapshots);
+  // snapshots: a reader each; the bodies are in the first one's alone. Everything referred to must outlive
+  // the loop.
+  SimulationLoop(World& world, PartTimes& times, double rate, Channel<InstrumentInputs>& instruments,
+                 Channel<CondensedProblem>& problems, std::vector<Channel<SceneSnapshot>*> snapshots);
   ~SimulationLoop() override;
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -96,20 +97,21 @@ class SimulationLoop final : private StepHost {
     if (records_) records_->push(record);
   }
 
-  InstrumentSample latch() override;
+  InstrumentSamples latch() override;
   CondensedProblem& problem() override { return problems_.back(); }
   void publish(StepAction as) override;
   std::optional<ReferenceJob> finished_reference() override;
   void make_reference(ReferenceJob job) override { references_.give(std::move(job)); }
 
-  void publish_snapshot(std::int64_t step_ns, const StepReport& report);
+  void publish_snapshots(std::int64_t step_ns, const StepReport& report);
+  void show_bodies(const StepReport& report, SceneSnapshot& snapshot);
 
   World& world_;
   PartTimes& times_;
   StepSchedule schedule_;
-  Channel<InstrumentInput>& instrument_;
+  Channel<InstrumentInputs>& instruments_;
   Channel<CondensedProblem>& problems_;
-  Channel<SceneSnapshot>& snapshots_;
+  std::vector<Channel<SceneSnapshot>*> snapshots_;
   SimulationStatistics statistics_;
   std::array<std::int64_t, step_parts> part_ns_{};  // summed
   ReferenceMaker references_;

@@ -1,9 +1,9 @@
-// Why the details: a killed process disposes nothing and its lease lasts 10 s, hence the 500 ms; a starved client is
-// disarmed after 100 ms, but keeps its device against whoever is heard meanwhile. What is for another device, or
-// from a stranger while the client is heard, is refused by a filter in Cyclone's receive thread before a sample is
-// kept: it can neither displace the client's states nor keep the loop busy. Of two daemons started at once both
-// hear the other before either arms. The wait's own time-out would cost an answer 8 µs: hence the timer, whose thread
-// has the loop's priority where it may.
+// Why the details: a killed process disposes nothing and its lease lasts 10 s, hence the 500 ms; a starved
+// client is disarmed after 100 ms, but keeps its device against whoever is heard meanwhile. What is for
+// another device, or from a stranger while the client is heard, is refused by a filter in Cyclone's receive
+// thread before a sample is kept: it can neither displace the client's states nor keep the loop busy. Of two
+// daemons started at once both hear the other before either arms. The wait's own time-out would cost an
+// answer 8 µs: hence the timer, whose thread has the loop's priority where it may.
 #include "server/dds/device_bridge.h"
 
 #include <linux/futex.h>
@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "server/os/realtime.h"
 
@@ -29,9 +30,14 @@ dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void*
   return filter;
 }
 
-// Until the word is no longer `value`, or for nothing.
-void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t value) noexcept {
-  syscall(SYS_futex, &word, FUTEX_WAIT_PRIVATE, value, nullptr, nullptr, 0);
+constexpr std::int64_t nothing = std::numeric_limits<std::int64_t>::max();  // is there, ever
+
+// Until the word is no longer `value`, at most for so long, or for nothing.
+void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t value,
+                std::int64_t at_most_ns) noexcept {
+  // A time-out costs a timer: only where something is due before the alarm.
+  const timespec t{at_most_ns / 1'000'000'000, at_most_ns % 1'000'000'000};
+  syscall(SYS_futex, &word, FUTEX_WAIT_PRIVATE, value, at_most_ns < 1'000'000'000 ? &t : nullptr, nullptr, 0);
 }
 
 void wake_one(const std::atomic<std::uint32_t>& word) noexcept {
@@ -82,7 +88,7 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
 }
 
 DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events,
-                             std::optional<int> core)
+                             std::optional<int> core, DdsDevicePort* leader)
     : device_id_(device_id),
       reader_(participant, state_filter(
                                [](const void* sample, const dds_sample_info_t* info, void* self) {
@@ -92,13 +98,16 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
                                },
                                this)),
       writer_(participant),
-      others_(participant, device_id, ForceReader::Side::daemon) {
+      others_(participant, device_id, ForceReader::Side::daemon),
+      leader_(leader) {
   if (!events) return;
+  if (leader_) leader_->followers_.push_back(this);
   const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
                                                                                  &dds_delete_listener);
   dds_lset_data_available(listener.get(),
                           [](dds_entity_t, void* self) { static_cast<DdsDevicePort*>(self)->arrived(); });
   require(dds_set_listener(reader_.handle(), listener.get()), "the listener for device states");
+  if (leader_) return;
   wakeup_timer_.emplace(
       wakeup_period_ns, [this] { wake(); },
       [core] {
@@ -110,6 +119,7 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
 
 DdsDevicePort::~DdsDevicePort() {
   dds_set_listener(reader_.handle(), nullptr);  // waits for a callback that is under way
+  if (leader_) std::erase(leader_->followers_, this);
 }
 
 // Cyclone's receive thread.
@@ -136,11 +146,19 @@ void DdsDevicePort::arrived() noexcept {
 }
 
 void DdsDevicePort::wake() noexcept {
-  bell_.fetch_add(1, std::memory_order_release);
-  wake_one(bell_);
+  std::atomic<std::uint32_t>& bell = leader_ ? leader_->bell_ : bell_;
+  bell.fetch_add(1, std::memory_order_release);
+  wake_one(bell);
 }
 
-std::int64_t DdsDevicePort::await(std::int64_t until_ns) noexcept {
+// When what is there for the next take may be looked at.
+std::int64_t DdsDevicePort::due_ns(std::int64_t earliest_ns) const noexcept {
+  if (arrivals_.load(std::memory_order_acquire) == seen_) return nothing;
+  return std::max(arrived_ns_.load(std::memory_order_relaxed), earliest_ns);
+}
+
+std::int64_t DdsDevicePort::await(std::int64_t until_ns,
+                                  const EachInstrument<std::int64_t>& earliest_ns) noexcept {
   if (!wakeup_timer_) {
     sleep_until(until_ns);
     return 0;
@@ -148,10 +166,19 @@ std::int64_t DdsDevicePort::await(std::int64_t until_ns) noexcept {
   wakeup_timer_->set(until_ns);
   for (;;) {
     const std::uint32_t rung = bell_.load(std::memory_order_acquire);
-    if (arrivals_.load(std::memory_order_acquire) != seen_)
-      return arrived_ns_.load(std::memory_order_relaxed);
-    if (monotonic_ns() >= until_ns) return 0;
-    wait_while(bell_, rung);
+    std::int64_t first = due_ns(earliest_ns[0]), last = first;
+    for (std::size_t i = 0; i < followers_.size(); ++i) {
+      const std::int64_t due = followers_[i]->due_ns(earliest_ns[static_cast<int>(i) + 1]);
+      first = std::min(first, due);
+      last = std::max(last, due);
+    }
+    const std::int64_t now = monotonic_ns();
+    if (first <= now) return first;
+    if (now >= until_ns) return 0;
+    if (last != nothing)
+      sleep_until(std::min(first, until_ns));  // all are there: nobody is to be heard meanwhile
+    else
+      wait_while(bell_, rung, first - now);
   }
 }
 

@@ -4,19 +4,20 @@
 // writers are refused, reported as a conflict and change nothing. The pin ends when the writer disposes,
 // unregisters or is unmatched, or after 500 ms of silence; the next writer heard is a new client. A writer
 // that comes back is not new: it has to show enable false → true to be armed again.
-// received_ns: the client's send time, as DDS stamps it, moved into the interval between the previous take and
-// this one: right to microseconds on one machine, and never beyond one tick elsewhere.
-// A second daemon is heard by a reader of our own force topic (force_reader.h). For the first half second the
-// port says that it has not listened for long enough (Presence::settled).
-// await: a listener in Cyclone's receive thread stamps each arrival and wakes the loop by a futex; a timer
-// wakes it at the latest time (wakeup_timer.h). Both exist only with `events`.
+// received_ns: the client's send time, as DDS stamps it, moved into the interval between the previous take
+// and this one: right to microseconds on one machine, and never beyond one tick elsewhere. A second daemon is
+// heard by a reader of our own force topic (force_reader.h). For the first half second the port says that it
+// has not listened for long enough (Presence::settled). await: a listener in Cyclone's receive thread stamps
+// each arrival and wakes the loop by a futex (the first port's, where a loop has several); a timer wakes it
+// at the latest time (wakeup_timer.h). Both exist only with `events`.
 //
-// Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first few
-// samples; Cyclone's own locks are held for microseconds by its receive thread, which should run in real time
-// too (dds.h, loopback_realtime).
+// Thread safety: one thread, the haptic loop's. Guarantee: take and write allocate nothing after the first
+// few samples; Cyclone's own locks are held for microseconds by its receive thread, which should run in real
+// time too (dds.h, loopback_realtime).
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "haptic/loop.h"
 #include "server/dds/dds.h"
@@ -30,13 +31,15 @@ hapticd_msg_ForceCommand message_from(std::uint32_t device_id, const ForceSample
 
 class DdsDevicePort final : public DevicePort {
  public:
-  // core: the alarm's; none: any.
+  // core: the alarm's; none: any. leader: with `events`, the port of the same loop that is waited on for
+  // both. It outlives this one; nobody waits while this one is made or ends.
   DdsDevicePort(const Participant& participant, std::uint32_t device_id, bool events = false,
-                std::optional<int> core = {});
+                std::optional<int> core = {}, DdsDevicePort* leader = nullptr);
   ~DdsDevicePort() override;
 
   bool take(std::int64_t now_ns, DeviceSample& sample) noexcept override;
-  std::int64_t await(std::int64_t until_ns) noexcept override;
+  std::int64_t await(std::int64_t until_ns,
+                     const EachInstrument<std::int64_t>& earliest_ns) noexcept override;
   Presence presence() const noexcept override { return presence_; }
   void write(const ForceSample& force) noexcept override;
 
@@ -50,6 +53,7 @@ class DdsDevicePort final : public DevicePort {
 
   void arrived() noexcept;
   void wake() noexcept;
+  std::int64_t due_ns(std::int64_t earliest_ns) const noexcept;
   bool wanted(const hapticd_msg_DeviceState& state, dds_instance_handle_t writer) noexcept;
   bool matching_changed() const noexcept;  // since `departed` looked
   dds_instance_handle_t departed() noexcept;
@@ -73,6 +77,8 @@ class DdsDevicePort final : public DevicePort {
   std::int64_t last_take_ns_ = 0;
   std::int64_t first_take_ns_ = 0;  // 0: none yet
   Presence presence_;
+  DdsDevicePort* const leader_;  // null: waited on itself
+  std::vector<const DdsDevicePort*> followers_;
   std::uint32_t seen_ = 0;                              // arrivals before the last take
   alignas(64) std::atomic<std::uint32_t> arrivals_{0};  // written by the receive thread
   std::atomic<std::int64_t> arrived_ns_{0};             // the first of those not taken

@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -119,6 +121,31 @@ void OutputRule::require_snapshots_folder(const std::string& option, const fs::p
                        std::string("is there already, and is no snapshot of an earlier run") + remedy);
     }
   });
+}
+
+std::string as_file_name(std::string name) {
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-') c = '_';
+  return name;
+}
+
+std::vector<fs::path> one_file_each(const fs::path& file, const std::vector<std::string>& names) {
+  std::vector<fs::path> files;
+  std::vector<std::string> taken;
+  // Of a folder's name, too, the slash at the end is no part.
+  const fs::path first = file.has_filename() ? file : file.parent_path();
+  for (const std::string& name : names) {
+    if (files.empty()) {
+      files.push_back(file);
+      continue;
+    }
+    std::string part = as_file_name(name);
+    if (std::find(taken.begin(), taken.end(), part) != taken.end()) part += "_" + std::to_string(files.size());
+    taken.push_back(part);
+    fs::path other = first;
+    files.push_back(other.replace_filename(first.stem().string() + "." + part + first.extension().string()));
+  }
+  return files;
 }
 
 void write_file(const std::string& path, const std::string& content) {

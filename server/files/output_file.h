@@ -4,6 +4,7 @@
 //   a folder of figures, snapshots the same; what has other names in it is left alone
 //   mesh, scene, recording         a new name, always
 //   --force                        replaces any file; a rosbag2 recording never (bag_writer.h)
+//   one output an instrument       the first has the name given, run.csv; the one called NAME has run.NAME.csv
 //
 // To be asked before the run's work begins, of every path that a person names and of every name derived from
 // one. An empty path is no output. Errors: InputError naming the file and the option.
@@ -11,6 +12,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 namespace hapticd {
 
@@ -37,6 +39,14 @@ class OutputRule {
  private:
   bool force_;
 };
+
+// A name as a part of a file's: what is neither letter, digit nor '-' is '_'.
+std::string as_file_name(std::string name);
+
+// Of instruments, or devices, called so: one file each, no two the same. A name that another has already as a
+// file's gets its place behind it.
+std::vector<std::filesystem::path> one_file_each(const std::filesystem::path& file,
+                                                 const std::vector<std::string>& names);
 
 // Writes the file whole or not at all (a temporary beside it, then rename).
 // Throws std::runtime_error naming the file.

@@ -124,24 +124,24 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
       geometry_(participant),
       update_(participant),
       instrument_writer_(participant),
-      scope_(scope.value_or(DiagnosticsScope{scene.device.id, true})),
+      scope_(scope.value_or(DiagnosticsScope{scene.first().device.id, true})),
       health_(participant, scene, scope_.device_id) {
   if (record && record->extension() == ".csv")
     record_.emplace(*record);
   else if (record)
     bag_.emplace(*record, scope_.device_id);
-  if (scene.ros2) ros2_.emplace(participant, scene.device.id);
+  if (scene.ros2) ros2_.emplace(participant, scope_.device_id);
 }
 
 Diagnostics::~Diagnostics() { stop(); }
 
-void Diagnostics::write_captures(Channel<ContactCapture>& captures, const Instrument& instrument,
+void Diagnostics::write_captures(Channel<ContactCapture>& captures, const std::vector<Instrument>& instruments,
                                  const std::filesystem::path& directory, int most) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
   if (error) throw std::runtime_error(directory.string() + ": cannot be made: " + error.message());
   captures_ = &captures;
-  instrument_ = &instrument;
+  instruments_ = &instruments;
   capture_directory_ = directory;
   most_captures_ = most;
 }
@@ -151,7 +151,7 @@ void Diagnostics::write_capture_if_new() noexcept {
   char name[32];
   std::snprintf(name, sizeof name, "%06d.contact", captured() + 1);
   try {
-    write_capture(capture_directory_ / name, *instrument_, captures_->front());
+    write_capture(capture_directory_ / name, *instruments_, captures_->front());
     captured_.store(captured() + 1, relaxed);
   } catch (const std::exception& e) {
     log(LogLevel::warning, "capture_failed", std::string("no more captures: ") + e.what());
@@ -239,16 +239,27 @@ void Diagnostics::publish_geometry() {
     m.tets = borrowed<decltype(m.tets)>(tets);
     geometry_.write(m);
   }
-  std::vector<float> shape = instrument_shape(scene_.instrument);
-  hapticd_msg_SceneInstrument m{};
-  m.primitives = borrowed<decltype(m.primitives)>(shape);
-  instrument_writer_.write(m);
+  for (std::size_t i = 0; i < scene_.instruments.size(); ++i) {
+    std::vector<float> shape = instrument_shape(scene_.instruments[i].shape);
+    hapticd_msg_SceneInstrument m{};
+    m.instrument = static_cast<std::uint32_t>(i);
+    m.primitives = borrowed<decltype(m.primitives)>(shape);
+    m.name = const_cast<char*>(scene_.instruments[i].name.c_str());
+    m.device_id = scene_.instruments[i].device.id;
+    m.instruments = static_cast<std::uint32_t>(scene_.instruments.size());
+    instrument_writer_.write(m);
+  }
 }
 
 void Diagnostics::publish_update() {
   const SceneSnapshot& snapshot = snapshots_.front();
   if (!scope_.shows_scene || snapshot.step == 0 || snapshot.step == updated_step_) return;
   updated_step_ = snapshot.step;
+  std::vector<float> instruments;
+  for (const Pose& X : snapshot.instruments) {
+    for (int k = 0; k < 3; ++k) instruments.push_back(static_cast<float>(X.p[k]));
+    for (int k = 0; k < 4; ++k) instruments.push_back(static_cast<float>(X.q.coeffs()[k]));
+  }
   for (std::size_t i = 0; i < snapshot.bodies.size(); ++i) {
     const BodySnapshot& body = snapshot.bodies[i];
     if (body.nodes.empty()) continue;
@@ -257,9 +268,9 @@ void Diagnostics::publish_update() {
     m.step = snapshot.step;
     m.nodes = borrowed<decltype(m.nodes)>(const_cast<std::vector<float>&>(body.nodes));
     m.alive = borrowed<decltype(m.alive)>(const_cast<std::vector<std::uint8_t>&>(body.alive));
-    for (int k = 0; k < 3; ++k) m.instrument[k] = static_cast<float>(snapshot.instrument.p[k]);
-    for (int k = 0; k < 4; ++k) m.instrument[3 + k] = static_cast<float>(snapshot.instrument.q.coeffs()[k]);
+    m.instruments = borrowed<decltype(m.instruments)>(instruments);
     m.contacts = borrowed<decltype(m.contacts)>(const_cast<std::vector<float>&>(snapshot.contacts));
+    m.pressing = borrowed<decltype(m.pressing)>(const_cast<std::vector<std::uint8_t>&>(snapshot.pressing));
     update_.write(m);
   }
 }

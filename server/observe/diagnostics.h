@@ -43,8 +43,9 @@ struct BodySnapshot {
 struct SceneSnapshot {
   std::uint64_t step = 0;            // 0: none yet
   std::vector<BodySnapshot> bodies;  // in the scene's order
-  Pose instrument;                   // in the scene
+  std::vector<Pose> instruments;     // in the scene
   std::vector<float> contacts;       // 7 each (idl/scene.idl)
+  std::vector<std::uint8_t> pressing;  // 2 per contact (idl/scene.idl)
   std::uint32_t elements_removed = 0;
   std::uint32_t fragments_aspirated = 0;
   double step_ms = 0;
@@ -83,7 +84,7 @@ class Diagnostics {
 
   // Writes captured contact problems as DIRECTORY/000001.contact and so on, at most `most` of them. Before
   // start. Throws std::runtime_error where the directory cannot be made.
-  void write_captures(Channel<ContactCapture>& captures, const Instrument& instrument,
+  void write_captures(Channel<ContactCapture>& captures, const std::vector<Instrument>& instruments,
                       const std::filesystem::path& directory, int most = 500);
   int captured() const noexcept { return captured_.load(std::memory_order_relaxed); }
   ~Diagnostics();
@@ -123,7 +124,7 @@ class Diagnostics {
   std::optional<ForceRecordWriter> record_;
   std::optional<BagRecorder> bag_;
   Channel<ContactCapture>* captures_ = nullptr;
-  const Instrument* instrument_ = nullptr;
+  const std::vector<Instrument>* instruments_ = nullptr;
   std::filesystem::path capture_directory_;
   int most_captures_ = 0;
   std::atomic<int> captured_{0};

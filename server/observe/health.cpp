@@ -11,10 +11,23 @@ namespace {
 // Of histogram.h: 64 bins an octave, the first 64 bins of 1 ns.
 constexpr int fine_per_bin = 16, first_fine = 64 * (10 - 5);
 
+// Null: a further device's, with a world of its own.
+const SceneInstrument* held_by(const Scene& scene, std::uint32_t id) {
+  for (const SceneInstrument& i : scene.instruments)
+    if (i.device.id == id) return &i;
+  return nullptr;
+}
+
 const DeviceSettings& device_of(const Scene& scene, std::uint32_t id) {
+  if (const SceneInstrument* held = held_by(scene, id)) return held->device;
   for (const DeviceSettings& d : scene.more_devices)
     if (d.id == id) return d;
-  return scene.device;
+  return scene.first().device;
+}
+
+std::string name_of(const Scene& scene, std::uint32_t id) {
+  const SceneInstrument* held = held_by(scene, id);
+  return held ? held->device_name : "";
 }
 
 }  // namespace
@@ -52,7 +65,7 @@ std::vector<float> ForceBlocks::newest() const {
 HealthPublisher::HealthPublisher(const Participant& participant, const Scene& scene, std::uint32_t device_id)
     : scene_(scene),
       device_(device_of(scene, device_id)),
-      name_(device_id == scene.device.id ? scene.device_name : ""),
+      name_(name_of(scene, device_id)),
       writer_(participant) {}
 
 void HealthPublisher::note(const ForceRecord& record) {

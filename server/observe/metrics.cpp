@@ -35,6 +35,13 @@ class Page {
     text_ += name + (labels.empty() ? "" : "{" + labels + "}") + " " + number(value) + "\n";
   }
 
+  void information(const std::string& name, const char* help) {
+    head(name, "gauge", help);
+    for (const MetricsSource& d : devices_)
+      text_ += name + "{" + label(d) + ",instrument=\"" + escaped(d.instrument) + "\",world=\"" +
+               std::to_string(d.world) + "\"} 1\n";
+  }
+
   template <typename T>
   void each(const std::string& name, const char* type, const char* help, T MetricsSource::*value) {
     head(name, type, help);
@@ -87,6 +94,7 @@ std::string prometheus_text(const ProcessMetrics& process, const std::vector<Met
   using M = MetricsSource;
   Page p(devices);
   p.one("hapticd_info", "gauge", "The program.", "version=\"" + escaped(process.version) + "\"", 1);
+  p.information("hapticd_device_info", "A device: its instrument, and the world that it shares with others.");
   p.one("hapticd_uptime_seconds", "gauge", "Since the start.", "", process.uptime_s);
   p.one("hapticd_resident_bytes", "gauge", "Memory held.", "", process.resident_bytes);
   p.one("hapticd_grants_refused", "gauge", "What of the real-time set-up the system refused.", "",

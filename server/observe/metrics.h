@@ -8,6 +8,7 @@
 //   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_foreign_forces_total,
 //   hapticd_solver_caps_total, hapticd_simulation_steps_total, _overruns_total,
 //   hapticd_elements_removed_total, …
+//   hapticd_device_info{device,instrument,world}   1: whose device it is; devices of one world share its steps
 //   hapticd_packets_refused_total, hapticd_dds_lines_total, hapticd_log_lines_lost_total      of the process
 //   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, …                       gauges
 //
@@ -25,6 +26,8 @@ namespace hapticd {
 
 struct MetricsSource {
   std::uint32_t device_id = 0;
+  std::string instrument;  // its name
+  int world = 0;           // devices of one world share its tissue and its simulation
   bool armed = false;
   bool second_daemon = false;
   HistogramSnapshot wake, solve, state_age, problem_age, step;

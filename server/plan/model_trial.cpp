@@ -48,12 +48,12 @@ void spread_to_touching(const Scene& scene, std::vector<std::uint8_t>& pressed) 
       pressed[p.points] = pressed[p.faces] = pressed[p.points] | pressed[p.faces];
 }
 
-// With nothing between the contact's force and its answer.
-DeviceSettings device_of(const Scene& scene) {
-  DeviceSettings device = scene.device;
+// With nothing between the contact's force and its answer. The stroke is the first one's; nobody holds the others.
+std::vector<DeviceSettings> wide_devices_of(const Scene& scene) {
+  std::vector<DeviceSettings> devices = devices_of(scene);
   constexpr double none = 1e9;
-  device.max_force = device.max_torque = device.max_force_rate = device.max_speed = none;
-  return device;
+  for (DeviceSettings& d : devices) d.max_force = d.max_torque = d.max_force_rate = d.max_speed = none;
+  return devices;
 }
 
 HapticOptions options_of(const Scene& scene) {
@@ -71,7 +71,7 @@ class Pilot {
       : stroke_(stroke),
         h_(1 / scene.rate),
         begin_(-settled - h_ * static_cast<double>(stroke.approach.size())),
-        daemon_(make_world(scene), scene.rate, device_of(scene), options_of(scene), settings()) {
+        daemon_(make_world(scene), scene.rate, wide_devices_of(scene), options_of(scene), settings()) {
     run_.pressed.assign(scene.bodies.size(), 0);
   }
 
@@ -134,20 +134,22 @@ class Pilot {
     daemon_.advance(input.now_ns);
     if (t < -settled - instant) {  // on the way there nobody feels anything
       const auto k = static_cast<std::size_t>((t - begin_ + instant) / h_);
-      daemon_.tell({.present = true,
-                    .X = stroke_.approach[std::min(k, stroke_.approach.size() - 1)],
-                    .received_ns = input.now_ns});
+      InstrumentInput there;
+      there.present = true;
+      there.X = stroke_.approach[std::min(k, stroke_.approach.size() - 1)];
+      there.received_ns = input.now_ns;
+      daemon_.tell(there);
       return;
     }
-    input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
-    input.taken = true;
-    input.sample.sequence = ++count_;
-    input.sample.client_time_ns = input.sample.received_ns = input.now_ns;
-    input.sample.pose = to_device(daemon_.haptic().device(), sample_of(stroke_, t).pose);
-    input.sample.enable = true;
+    input.device[0].presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
+    input.device[0].taken = true;
+    input.device[0].sample.sequence = ++count_;
+    input.device[0].sample.client_time_ns = input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.pose = to_device(daemon_.haptic().device(), sample_of(stroke_, t).pose);
+    input.device[0].sample.enable = true;
     const bool swapped = std::exchange(swapped_, false);
     const double begun = cpu_ms();
-    const ForceSample answer = daemon_.tick(input);
+    const ForceSample answer = daemon_.tick(input)[0];
     if (!counts) return;
     const double ms = cpu_ms() - begun;
     all_ticks_ms_ += ms;
@@ -216,7 +218,7 @@ TrialRun run_reference(const Scene& scene, const PilotStroke& stroke, int every_
         job.reference->make();
         world->adopt(std::move(job));
       }
-      if (i >= 0) run.force.push_back(report.contact.wrench.head<3>());
+      if (i >= 0) run.force.push_back(report.contact.wrench[0].head<3>());
     }
   } catch (const std::runtime_error&) {
     return {};

@@ -13,6 +13,7 @@
 #include "physics/tissue/surface.h"
 #include "server/plan/model_trial.h"
 #include "server/scene/scene_bodies.h"
+#include "server/scene/scene_describe.h"
 
 namespace hapticd {
 namespace {
@@ -125,13 +126,13 @@ class Planner {
     if (!chooses_ || !deforms(body) || body.pinned_simulated || !may_be_static(body)) return;
     if (body.mesh.nodes.size() > largest_exact) return;
     const double c = softest_node(body);
-    const double share = c / (c + 1 / scene().coupling.stiffness);
+    const double share = c / (c + 1 / scene().first().coupling.stiffness);
     // What is left for the rest must still be most of it.
     if (share > 0.25 * scene().accuracy) return;
     body.simulated = false;
     say(body.name, "rigid",
         format("gives way by %.2g m/N at most, the coupling by %.2g: left out it changes the force by %.2g",
-               c, 1 / scene().coupling.stiffness, share),
+               c, 1 / scene().first().coupling.stiffness, share),
         0, share);
     rigid_error_ += share;
   }
@@ -325,6 +326,7 @@ nlohmann::ordered_json to_json(const Plan& plan) {
   nlohmann::ordered_json json;
   json["command"] = "check";
   json["scene"] = plan.scene.name;
+  json["instruments"] = instruments_to_json(plan.scene);
   json["accuracy"] = plan.scene.accuracy;
   json["stroke"] = plan.stroke;
   json["met"] = plan.met;

@@ -49,7 +49,7 @@ double least_gap(const Instrument& instrument, const Pose& X, const std::vector<
 // Where a tip first destroys tissue: what it does from there on makes no sense without that.
 double uncut_until(const Scene& scene, const Trajectory& device) {
   constexpr std::uint32_t phaco = 1;
-  if (scene.removal.rate > 0)
+  if (scene.first().removal.rate > 0)
     for (const TrajectorySample& s : device.samples)
       if (s.buttons & phaco) return s.t;
   return device.end();
@@ -67,7 +67,8 @@ std::vector<Pose> thinned(double from, double to, double step, const PoseAt& pos
 
 // Without poses where it touches nothing before it cuts.
 PilotStroke from_trajectory(const Scene& scene, double seconds) {
-  const Trajectory device = read_trajectory(*scene.trajectory, LengthUnit::metre);
+  const SceneInstrument& held = scene.first();
+  const Trajectory device = read_trajectory(*held.trajectory, LengthUnit::metre);
   const double last = uncut_until(scene, device);
   std::vector<Vec3> points;
   for (const SceneBody& b : scene.bodies)
@@ -75,13 +76,12 @@ PilotStroke from_trajectory(const Scene& scene, double seconds) {
       const std::vector<Vec3> more = surface_points(b, scene.sample_spacing);
       points.insert(points.end(), more.begin(), more.end());
     }
-  const auto pose_at = [&](double t) { return to_scene(scene.device, sample_at(device, t)); };
+  const auto pose_at = [&](double t) { return to_scene(held.device, sample_at(device, t)); };
 
   const auto looks = static_cast<std::size_t>(std::max(1.0, (last - device.begin()) / looked_at));
   std::vector<double> gap(looks), depth(looks);
   for (std::size_t i = 0; i < looks; ++i) {
-    gap[i] =
-        least_gap(scene.instrument, pose_at(device.begin() + looked_at * static_cast<double>(i)), points);
+    gap[i] = least_gap(held.shape, pose_at(device.begin() + looked_at * static_cast<double>(i)), points);
     depth[i] = std::max(0.0, -gap[i]);
   }
   if (*std::max_element(depth.begin(), depth.end()) <= 0) return {};
@@ -119,7 +119,7 @@ PilotStroke from_trajectory(const Scene& scene, double seconds) {
   const double end = std::min(begin + seconds, last);
   for (double t = begin; t < end; t += tick) stroke.pose.push_back(pose_at(t));
   char text[256];
-  std::snprintf(text, sizeof text, "%.2f to %.2f s of %s", begin, end, scene.trajectory->filename().c_str());
+  std::snprintf(text, sizeof text, "%.2f to %.2f s of %s", begin, end, held.trajectory->filename().c_str());
   stroke.text = text;
   return stroke;
 }
@@ -132,10 +132,11 @@ void go(PilotStroke& stroke, const Vec3& way, double speed) {
 }
 
 PilotStroke made_up(const Scene& scene, double seconds) {
-  const double speed = hand_speed * scene.device.position_scale;
-  const Primitive& tip = scene.instrument.primitives[scene.instrument.tip];
+  const SceneInstrument& held = scene.first();
+  const double speed = hand_speed * held.device.position_scale;
+  const Primitive& tip = held.shape.primitives[held.shape.tip];
   const double radius = tip.radius > 0 ? tip.radius : scene.alarm_distance;
-  const Pose origin = to_scene(scene.device, Pose{});
+  const Pose origin = to_scene(held.device, Pose{});
   int reached = 0;
   for (const SceneBody& b : scene.bodies) reached += deforms(b) && beyond_reach(scene, b) < 0;
   PilotStroke stroke;
@@ -149,14 +150,14 @@ PilotStroke made_up(const Scene& scene, double seconds) {
     const Vec3 way = (nearest - origin.p).stableNormalized();
     // To the first touch: no step is longer than the gap, so nothing is passed.
     Pose X = origin;
-    double gap = least_gap(scene.instrument, X, points);
+    double gap = least_gap(held.shape, X, points);
     for (int i = 0; i < 20 && gap < 0; ++i) {
       X.p -= radius * way;
-      gap = least_gap(scene.instrument, X, points);
+      gap = least_gap(held.shape, X, points);
     }
     for (int i = 0; i < 200 && gap > 0.01 * radius; ++i) {
       X.p += gap * way;
-      gap = least_gap(scene.instrument, X, points);
+      gap = least_gap(held.shape, X, points);
     }
     const double before = 0.2 * radius;
     stroke.pose.push_back({X.p - before * way, X.q});
@@ -177,21 +178,22 @@ PilotStroke made_up(const Scene& scene, double seconds) {
 
 PilotStroke pilot_stroke(const Scene& scene, double seconds) {
   PilotStroke stroke;
-  if (scene.trajectory) stroke = from_trajectory(scene, seconds);
+  if (scene.first().trajectory) stroke = from_trajectory(scene, seconds);
   return stroke.pose.empty() ? made_up(scene, seconds) : stroke;
 }
 
 double beyond_reach(const Scene& scene, const SceneBody& body) {
-  const Vec3 centre = to_scene(scene.device, Pose{}).p;
+  const SceneInstrument& held = scene.first();
+  const Vec3 centre = to_scene(held.device, Pose{}).p;
   double tool = 0;  // from the instrument's origin to its farthest point
-  for (const Primitive& p : scene.instrument.primitives) {
+  for (const Primitive& p : held.shape.primitives) {
     double own = p.radius + p.half_length;
     for (const Vec3& v : p.vertices) own = std::max(own, v.norm());
     tool = std::max(tool, p.placement.p.norm() + own);
   }
   double nearest = std::numeric_limits<double>::infinity();
   for (const Vec3& x : body.mesh.nodes) nearest = std::min(nearest, (x - centre).norm());
-  return nearest - scene.device.workspace_radius * scene.device.position_scale - tool - scene.alarm_distance;
+  return nearest - held.device.workspace_radius * held.device.position_scale - tool - scene.alarm_distance;
 }
 
 }  // namespace hapticd

@@ -53,16 +53,23 @@ std::string last_name(const std::filesystem::path& directory) {
   return p.filename().string();
 }
 
+std::string storage_of(const std::filesystem::path& directory) { return last_name(directory) + "_0.db3"; }
+
 }  // namespace
 
+void require_no_bag(const std::filesystem::path& directory) {
+  std::error_code error;
+  for (const std::filesystem::path& there : {directory / "metadata.yaml", directory / storage_of(directory)})
+    if (std::filesystem::exists(there, error))
+      throw InputError(there, 0, "", "is there already: a recording needs a directory of its own");
+}
+
 BagWriter::BagWriter(const std::filesystem::path& directory)
-    : directory_(directory), file_(last_name(directory) + "_0.db3") {
+    : directory_(directory), file_(storage_of(directory)) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
   if (error) throw InputError(directory, 0, "", "cannot be made: " + error.message());
-  for (const std::filesystem::path& there : {directory / "metadata.yaml", directory / file_})
-    if (std::filesystem::exists(there, error))
-      throw InputError(there, 0, "", "is there already: a recording needs a directory of its own");
+  require_no_bag(directory);
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   if (sqlite3_open_v2((directory / file_).c_str(), &db_, flags, nullptr) != SQLITE_OK) {
     const std::string why = sqlite3_errmsg(db_);

@@ -23,6 +23,9 @@ struct sqlite3_stmt;
 
 namespace hapticd {
 
+// Throws InputError where the directory holds a recording already.
+void require_no_bag(const std::filesystem::path& directory);
+
 class BagWriter {
  public:
   explicit BagWriter(const std::filesystem::path& directory);

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 
 #include "server/files/input_error.h"
 
@@ -14,7 +15,7 @@ namespace hapticd {
 namespace {
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
-constexpr std::uint32_t version = 2, byte_order = 0x01020304;
+constexpr std::uint32_t version = 3, byte_order = 0x01020304;
 constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
 
 // One description of the layout for both directions: `put` of the writer appends, of the reader takes.
@@ -125,19 +126,29 @@ void layout(File& f, PatchSample& s, int nodes) {
 }
 
 template <typename File>
-void layout(File& f, CondensedProblem& p) {
+void layout(File& f, VirtualCoupling& c) {
+  f.put(c.stiffness);
+  f.put(c.rotational_stiffness);
+  f.put(c.damping_time);
+}
+
+template <typename File>
+void layout(File& f, CondensedProblem& p, int instruments) {
   f.put(p.step);
   f.put(p.published_ns);
-  layout(f, p.X_ref);
+  layout(f, p.instrument[0].X_ref);
   f.put(p.renewal);
   f.expect(p.renewal == Renewal::frozen || p.renewal == Renewal::renewed, "an unknown renewal");
   std::uint8_t changed = p.topology_changed;
   f.put(changed);
   p.topology_changed = changed != 0;
   f.put(p.alarm_distance);
-  f.put(p.coupling.stiffness);
-  f.put(p.coupling.rotational_stiffness);
-  f.put(p.coupling.damping_time);
+  layout(f, p.instrument[0].coupling);
+  for (int i = 1; i < instruments; ++i) {
+    layout(f, p.instrument[i].X_ref);
+    layout(f, p.instrument[i].coupling);
+  }
+  if (f.written_as() >= 3) f.put(p.instrument_friction);
   f.put(p.dropped_samples);
   p.nodes = static_cast<int>(f.length(static_cast<std::size_t>(p.nodes), max_patch_nodes, "patch nodes"));
   for (int n = 0; n < p.nodes; ++n) layout(f, p.x_free[n]);
@@ -152,7 +163,7 @@ void layout(File& f, CondensedProblem& p) {
 }
 
 template <typename File>
-void layout(File& f, ContactState& s, std::size_t primitives) {
+void layout(File& f, ContactState& s, const std::vector<Instrument>& instruments) {
   ContactMemory& m = s.memory;
   m.count =
       static_cast<int>(f.length(static_cast<std::size_t>(m.count), max_contacts, "remembered contacts"));
@@ -163,29 +174,53 @@ void layout(File& f, ContactState& s, std::size_t primitives) {
       f.put(e.primitive);
     else
       e.primitive = 0;
-    f.expect(e.primitive >= 0 && (e.primitive == 0 || static_cast<std::size_t>(e.primitive) < primitives),
-             "a contact of a primitive that is not there");
+    if (f.written_as() >= 3)
+      f.put(e.instrument);
+    else
+      e.instrument = 0;
+    f.expect(e.instrument >= 0 && static_cast<std::size_t>(e.instrument) < instruments.size(),
+             "a contact of an instrument that is not there");
+    const auto& primitives = instruments[static_cast<std::size_t>(e.instrument)].primitives;
+    f.expect(
+        e.primitive >= 0 && (e.primitive == 0 || static_cast<std::size_t>(e.primitive) < primitives.size()),
+        "a contact of a primitive that is not there");
     layout(f, e.lambda);
     layout(f, e.anchor);
+    if (f.written_as() >= 3) layout(f, e.other_anchor);
     std::uint8_t sticking = e.sticking;
     f.put(sticking);
     e.sticking = sticking != 0;
-    f.expect(k == 0 || m.entry[k - 1].id < e.id ||
-                 (m.entry[k - 1].id == e.id && m.entry[k - 1].primitive < e.primitive),
-             "contacts that are not in the order of their ids");
+    const auto key = [](const ContactMemory::Entry& of) {
+      return std::tuple(of.id, of.instrument, of.primitive);
+    };
+    f.expect(k == 0 || key(m.entry[k - 1]) < key(e), "contacts that are not in the order of their ids");
   }
-  f.numbers(s.coupling_offset.data(), 6);
+  for (std::size_t i = 0; i < instruments.size(); ++i) f.numbers(s.coupling_offset.value[i].data(), 6);
 }
 
 template <typename File>
 void layout(File& f, CapturedProblem& c) {
-  auto& primitives = c.instrument.primitives;
-  primitives.resize(f.length(primitives.size(), max_primitives, "primitives of the instrument"));
-  for (Primitive& p : primitives) layout(f, p);
-  f.put(c.instrument.tip);
-  layout(f, c.capture.problem);
-  layout(f, c.capture.state, primitives.size());
-  layout(f, c.capture.X);
+  if (f.written_as() >= 3)
+    c.instruments.resize(f.length(c.instruments.size(), max_instruments, "instruments"));
+  else
+    c.instruments.resize(1);
+  f.expect(!c.instruments.empty(), "no instrument");
+  for (Instrument& i : c.instruments) {
+    i.primitives.resize(f.length(i.primitives.size(), max_primitives, "primitives of the instrument"));
+    for (Primitive& p : i.primitives) layout(f, p);
+    f.put(i.tip);
+  }
+  layout(f, c.capture.problem, static_cast<int>(c.instruments.size()));
+  layout(f, c.capture.state, c.instruments);
+  for (int i = 0; i < static_cast<int>(c.instruments.size()); ++i) {
+    layout(f, c.capture.X[i]);
+    std::uint8_t present = c.capture.X.present[i];
+    if (f.written_as() >= 3)
+      f.put(present);
+    else
+      present = 1;
+    c.capture.X.present[i] = present != 0;
+  }
   f.put(c.capture.period);
   f.put(c.capture.margin);
   f.put(c.capture.linearisations);
@@ -196,14 +231,14 @@ void layout(File& f, CapturedProblem& c) {
   f.put(c.capture.status);
   f.expect(c.capture.status <= SolveStatus::too_large, "an unknown status");
   f.put(c.capture.residual);
-  f.numbers(c.capture.wrench.data(), 6);
+  for (std::size_t i = 0; i < c.instruments.size(); ++i) f.numbers(c.capture.wrench.value[i].data(), 6);
 }
 
 }  // namespace
 
-void write_capture(const std::filesystem::path& file, const Instrument& instrument,
+void write_capture(const std::filesystem::path& file, const std::vector<Instrument>& instruments,
                    const ContactCapture& capture) {
-  const auto copy = std::make_unique<CapturedProblem>(CapturedProblem{instrument, capture});
+  const auto copy = std::make_unique<CapturedProblem>(CapturedProblem{instruments, capture});
   FileWriter bytes;
   layout(bytes, *copy);
   std::ofstream out(file, std::ios::binary | std::ios::trunc);
@@ -226,8 +261,8 @@ std::unique_ptr<CapturedProblem> read_capture(const std::filesystem::path& file)
   reader.put(file_version);
   reader.put(order);
   reader.expect(order == byte_order, "was written on a machine of another byte order");
-  if (file_version != 1 && file_version != version)
-    reader.fail("has version " + std::to_string(file_version) + ", not 1 or 2");
+  if (file_version < 1 || file_version > version)
+    reader.fail("has version " + std::to_string(file_version) + ", not 1 to " + std::to_string(version));
   reader.set_written_as(file_version);
   auto captured = std::make_unique<CapturedProblem>();
   layout(reader, *captured);

@@ -17,11 +17,11 @@
 namespace hapticd {
 
 struct CapturedProblem {
-  Instrument instrument;
+  std::vector<Instrument> instruments;
   ContactCapture capture;
 };
 
-void write_capture(const std::filesystem::path& file, const Instrument& instrument,
+void write_capture(const std::filesystem::path& file, const std::vector<Instrument>& instruments,
                    const ContactCapture& capture);
 std::unique_ptr<CapturedProblem> read_capture(const std::filesystem::path& file);
 

@@ -39,6 +39,19 @@ struct SceneBody {
   bool pinned_elements = false, pinned_motion = false, pinned_simulated = false;
 };
 
+// What one hand holds: an instrument, the device that moves it, and what it does to tissue.
+struct SceneInstrument {
+  std::string name;  // "instrument" where the scene does not list its instruments
+  Instrument shape;
+  VirtualCoupling coupling;
+  RemovalSettings removal;
+  DeviceSettings device;  // its limits, and its map into the scene
+  std::string device_name;
+  double device_stiffness = 0;  // largest the device displays stably [N/m]
+  std::filesystem::path device_file;
+  std::optional<std::filesystem::path> trajectory;  // the shipped one, in this device's frame
+};
+
 struct Scene {
   std::string name;
   std::filesystem::path file;
@@ -54,19 +67,17 @@ struct Scene {
   Vec3 gravity = Vec3::Zero();
   std::vector<SceneBody> bodies;
   std::vector<ContactPair> contacts;  // bodies that touch one another, by index
-  Instrument instrument;
-  VirtualCoupling coupling;
-  RemovalSettings removal;
+  // In one tissue: one to four, in the order of the file; names and device ids are distinct.
+  std::vector<SceneInstrument> instruments = std::vector<SceneInstrument>(1);
+  double instrument_friction = 0;  // μ between instruments
   LoopMode haptic_mode = LoopMode::tick;
-  DeviceSettings device;  // its limits, and its map into the scene
-  std::vector<DeviceSettings>
-      more_devices;  // each with tissue of its own (device_session.h); other ids than the first
-  std::string device_name;
-  double device_stiffness = 0;  // largest the device displays stably [N/m]
-  std::filesystem::path device_file;
+  // Each with a tissue of its own (world_session.h); only where the scene has one instrument.
+  std::vector<DeviceSettings> more_devices;
   std::string log_level = "info";  // what is below is not said
   bool ros2 = false;               // mirror topics for ROS 2
-  std::optional<std::filesystem::path> trajectory;  // the shipped one for this scene
+
+  SceneInstrument& first() { return instruments.front(); }
+  const SceneInstrument& first() const { return instruments.front(); }
 };
 
 }  // namespace hapticd

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "server/record/trajectory_reader.h"
 
@@ -44,7 +45,8 @@ void describe_body(std::string& out, const SceneBody& body) {
     const Material& m = body.material;
     line(out, "           E %.4g Pa, nu %.3g, density %.4g kg/m3, damping alpha %.3g 1/s, beta %.3g s",
          m.young, m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
-    if (m.law == Law::guarded) line(out, "           guarded: elements that lose their volume are pushed back");
+    if (m.law == Law::guarded)
+      line(out, "           guarded: elements that lose their volume are pushed back");
     if (body.fixed_nodes.empty())
       line(out, "           floating");
     else
@@ -64,6 +66,34 @@ void describe_primitive(std::string& out, const Primitive& p, bool tip) {
          1e3 * p.radius, 2e3 * p.half_length, tip ? " (tip)" : "");
 }
 
+// named: it is one of several.
+void describe_instrument(std::string& out, const SceneInstrument& held, bool named) {
+  const std::vector<Primitive>& primitives = held.shape.primitives;
+  line(out, "instrument %s%zu primitives", named ? (held.name + ": ").c_str() : "", primitives.size());
+  for (std::size_t i = 0; i < primitives.size(); ++i)
+    describe_primitive(out, primitives[i], static_cast<int>(i) == held.shape.tip);
+  line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", held.coupling.stiffness,
+       held.coupling.rotational_stiffness, 1e3 * held.coupling.damping_time);
+  const RemovalSettings& removal = held.removal;
+  if (removal.rate > 0)
+    line(out,
+         "removal    %.4g tetrahedra/s, stroke %.2f mm; fragments of up to %d within %.2f mm are aspirated",
+         removal.rate, 1e3 * removal.stroke, removal.aspiration_max_tets, 1e3 * removal.aspiration_reach);
+  const DeviceSettings& d = held.device;
+  line(out, "device     %s%s: %.3g N, %.3g N m, %.4g N/s, %.3g m/s, workspace radius %.0f mm, %.4g N/m",
+       held.device_name.c_str(), named ? (", id " + std::to_string(d.id)).c_str() : "", d.max_force,
+       d.max_torque, d.max_force_rate, d.max_speed, 1e3 * d.workspace_radius, held.device_stiffness);
+  line(out, "mapping    position x %.4g, force x %.4g", d.position_scale, d.force_scale);
+  const double felt = felt_stiffness(held);
+  line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
+       felt > 1.001 * held.device_stiffness ? ": MORE than the device displays stably" : "");
+  if (held.trajectory) {
+    const Trajectory trajectory = read_trajectory(*held.trajectory, LengthUnit::metre);
+    line(out, "trajectory %s: %.1f s, %zu samples", held.trajectory->string().c_str(),
+         trajectory.end() - trajectory.begin(), trajectory.samples.size());
+  }
+}
+
 }  // namespace
 
 const char* compliance_name(ComplianceMethod method) {
@@ -71,8 +101,8 @@ const char* compliance_name(ComplianceMethod method) {
   return names[static_cast<int>(method)];
 }
 
-double felt_stiffness(const Scene& scene) {
-  return scene.coupling.stiffness * scene.device.position_scale * scene.device.force_scale;
+double felt_stiffness(const SceneInstrument& held) {
+  return held.coupling.stiffness * held.device.position_scale * held.device.force_scale;
 }
 
 std::string describe(const Scene& scene) {
@@ -86,34 +116,28 @@ std::string describe(const Scene& scene) {
   for (const ContactPair& pair : scene.contacts)
     line(out, "touching   nodes of %s on faces of %s, friction %.3g", scene.bodies[pair.points].name.c_str(),
          scene.bodies[pair.faces].name.c_str(), pair.friction);
-  line(out, "instrument %zu primitives", scene.instrument.primitives.size());
-  for (std::size_t i = 0; i < scene.instrument.primitives.size(); ++i)
-    describe_primitive(out, scene.instrument.primitives[i], static_cast<int>(i) == scene.instrument.tip);
-  line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", scene.coupling.stiffness,
-       scene.coupling.rotational_stiffness, 1e3 * scene.coupling.damping_time);
-  if (scene.removal.rate > 0)
-    line(out,
-         "removal    %.4g tetrahedra/s, stroke %.2f mm; fragments of up to %d within %.2f mm are aspirated",
-         scene.removal.rate, 1e3 * scene.removal.stroke, scene.removal.aspiration_max_tets,
-         1e3 * scene.removal.aspiration_reach);
-  const DeviceSettings& d = scene.device;
-  line(out, "device     %s: %.3g N, %.3g N m, %.4g N/s, %.3g m/s, workspace radius %.0f mm, %.4g N/m",
-       scene.device_name.c_str(), d.max_force, d.max_torque, d.max_force_rate, d.max_speed,
-       1e3 * d.workspace_radius, scene.device_stiffness);
-  line(out, "mapping    position x %.4g, force x %.4g", d.position_scale, d.force_scale);
+  for (const SceneInstrument& held : scene.instruments)
+    describe_instrument(out, held, scene.instruments.size() > 1);
+  if (scene.instrument_friction > 0)
+    line(out, "touching   instruments among themselves, friction %.3g", scene.instrument_friction);
   for (const DeviceSettings& more : scene.more_devices)
     line(out, "device     id %u beside it, with tissue of its own: %.3g N, %.4g N/s", more.id, more.max_force,
          more.max_force_rate);
-  const double felt = felt_stiffness(scene);
-  line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
-       felt > 1.001 * scene.device_stiffness ? ": MORE than the device displays stably" : "");
-  if (scene.ros2) line(out, "ros2       rt/haptic/%u/pose, /twist, /wrench at 50 Hz", scene.device.id);
-  if (scene.trajectory) {
-    const Trajectory trajectory = read_trajectory(*scene.trajectory, LengthUnit::metre);
-    line(out, "trajectory %s: %.1f s, %zu samples", scene.trajectory->string().c_str(),
-         trajectory.end() - trajectory.begin(), trajectory.samples.size());
-  }
+  if (scene.ros2)
+    line(out, "ros2       rt/haptic/%u/pose, /twist, /wrench at 50 Hz", scene.first().device.id);
   return out;
+}
+
+nlohmann::ordered_json instruments_to_json(const Scene& scene) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const SceneInstrument& held : scene.instruments)
+    json.push_back({{"name", held.name},
+                    {"device", held.device_name},
+                    {"id", held.device.id},
+                    {"felt_stiffness", felt_stiffness(held)},
+                    {"device_stiffness", held.device_stiffness},
+                    {"removes", held.removal.rate > 0}});
+  return json;
 }
 
 }  // namespace hapticd

@@ -32,8 +32,11 @@ WorldSettings world_settings(const Scene& scene) {
   settings.compliance_options.quantised_reference = true;
   settings.compliance_options.sample_every = error_sample_every;
   settings.lead = middle_of_use / scene.rate;
-  settings.coupling = scene.coupling;
-  settings.removal = scene.removal;
+  for (std::size_t i = 0; i < scene.instruments.size(); ++i) {
+    settings.coupling[static_cast<int>(i)] = scene.instruments[i].coupling;
+    settings.removal[static_cast<int>(i)] = scene.instruments[i].removal;
+  }
+  settings.instrument_friction = scene.friction ? scene.instrument_friction : 0;
   for (ContactPair pair : scene.contacts) {
     // Two obstacles have nothing to say to each other.
     if (!deforms(scene.bodies[pair.points]) && !deforms(scene.bodies[pair.faces])) continue;
@@ -48,7 +51,7 @@ std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& setti
   for (const SceneBody& b : scene.bodies)
     bodies.push_back({b.name, deforms(b), b.mesh, b.material, b.fixed_nodes, scene.friction ? b.friction : 0,
                       b.removable && deforms(b), b.corotational, b.dynamic});
-  return std::make_unique<World>(std::move(bodies), scene.instrument, settings);
+  return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
 }
 
 std::unique_ptr<World> make_world(const Scene& scene) { return make_world(scene, world_settings(scene)); }
@@ -62,12 +65,26 @@ HapticOptions haptic_options(const Scene& scene) {
   options.viscous.step = 1 / scene.rate;
   for (std::size_t b = 0; b < std::min(scene.bodies.size(), options.viscous.relaxation.size()); ++b)
     options.viscous.relaxation[b] = scene.bodies[b].material.rayleigh_stiffness;
-  const DeviceSettings& device = scene.device;
-  options.viscous.lag =
-      lag_for(device.quantum, scene.coupling.stiffness * device.position_scale * device.force_scale,
-              *std::max_element(options.viscous.relaxation.begin(), options.viscous.relaxation.end()),
-              1e-9 * static_cast<double>(options.watchdog.period_ns));
+  // The patch is one, so the device that needs the longest has it.
+  for (const SceneInstrument& i : scene.instruments)
+    options.viscous.lag = std::max(
+        options.viscous.lag,
+        lag_for(i.device.quantum, i.coupling.stiffness * i.device.position_scale * i.device.force_scale,
+                *std::max_element(options.viscous.relaxation.begin(), options.viscous.relaxation.end()),
+                1e-9 * static_cast<double>(options.watchdog.period_ns)));
   return options;
+}
+
+std::vector<Instrument> shapes_of(const Scene& scene) {
+  std::vector<Instrument> shapes;
+  for (const SceneInstrument& i : scene.instruments) shapes.push_back(i.shape);
+  return shapes;
+}
+
+std::vector<DeviceSettings> devices_of(const Scene& scene) {
+  std::vector<DeviceSettings> devices;
+  for (const SceneInstrument& i : scene.instruments) devices.push_back(i.device);
+  return devices;
 }
 
 }  // namespace hapticd

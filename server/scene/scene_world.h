@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "haptic/haptic_step.h"
 #include "physics/simulation/world.h"
@@ -11,6 +12,10 @@ namespace hapticd {
 
 WorldSettings world_settings(const Scene& scene);
 HapticOptions haptic_options(const Scene& scene);
+
+// One an instrument, in their order.
+std::vector<Instrument> shapes_of(const Scene& scene);
+std::vector<DeviceSettings> devices_of(const Scene& scene);
 
 // Throws std::invalid_argument where the physics refuses what the scene reader could not see.
 std::unique_ptr<World> make_world(const Scene& scene);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "server/files/input_error.h"
+#include "server/schedule/scene_fingerprint.h"
 
 namespace hapticd {
 namespace {
@@ -14,7 +15,7 @@ namespace {
 using nlohmann::json;
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'S', 'C'};
-constexpr std::uint32_t version = 1, byte_order = 0x01020304;
+constexpr std::uint32_t version = 2, byte_order = 0x01020304;
 constexpr std::uint32_t longest_header = 1 << 20;
 constexpr std::size_t buffered = 1 << 16;
 enum class Kind : char { tick = 'T', step = 'S', end = 'E' };
@@ -27,27 +28,36 @@ void pose(Stream& s, Pose& X) {
 }
 
 template <typename Stream>
+void fields(Stream& s, DeviceFacts& d) {
+  Presence& presence = d.input.presence;
+  DeviceSample& sample = d.input.sample;
+  for (bool* flag : {&presence.connected, &presence.new_client, &presence.conflict, &presence.rival,
+                     &presence.settled, &d.input.taken, &d.retuned, &sample.enable})
+    s.put(*flag);
+  s.put(sample.sequence);
+  s.put(sample.client_time_ns);
+  s.put(sample.received_ns);
+  pose(s, sample.pose);
+  s.put(sample.buttons);
+  if (d.retuned)
+    for (double* x :
+         {&d.tuning.max_force, &d.tuning.max_torque, &d.tuning.max_force_rate, &d.tuning.max_speed,
+          &d.tuning.workspace_radius, &d.tuning.damping, &d.tuning.position_scale, &d.tuning.force_scale})
+      s.put(*x);
+  for (int i = 0; i < 3; ++i) s.put(d.force[i]);
+  for (int i = 0; i < 3; ++i) s.put(d.torque[i]);
+  s.put(d.status);
+}
+
+template <typename Stream>
 void fields(Stream& s, TickFacts& t) {
   s.put(t.now_ns);
   s.put(t.period_ns);
-  for (bool* flag : {&t.presence.connected, &t.presence.new_client, &t.presence.conflict, &t.presence.rival,
-                     &t.presence.settled, &t.taken, &t.retuned, &t.sample.enable})
-    s.put(*flag);
-  s.put(t.sample.sequence);
-  s.put(t.sample.client_time_ns);
-  s.put(t.sample.received_ns);
-  pose(s, t.sample.pose);
-  s.put(t.sample.buttons);
-  if (t.retuned)
-    for (double* x :
-         {&t.tuning.max_force, &t.tuning.max_torque, &t.tuning.max_force_rate, &t.tuning.max_speed,
-          &t.tuning.workspace_radius, &t.tuning.damping, &t.tuning.position_scale, &t.tuning.force_scale})
-      s.put(*x);
   s.put(t.tick);
   s.put(t.problem);
-  for (int i = 0; i < 3; ++i) s.put(t.force[i]);
-  for (int i = 0; i < 3; ++i) s.put(t.torque[i]);
-  s.put(t.status);
+  s.put(t.devices);
+  s.expect(t.devices >= 1 && t.devices <= max_instruments, "a tick of no device, or of too many");
+  for (int i = 0; i < t.devices; ++i) fields(s, t.device[i]);
 }
 
 template <typename Stream>
@@ -58,11 +68,15 @@ void fields(Stream& s, StepRecord& r) {
   s.put(r.body);
   s.put(r.asked_ns);
   s.put(r.step_ns);
-  pose(s, r.sample.pose);
-  s.put(r.sample.present);
-  s.put(r.sample.phaco);
-  s.put(r.sample.aspiration);
-  s.put(r.sample.time);
+  for (int i = 0; i < max_instruments; ++i) {
+    InstrumentSample& sample = r.samples[i];
+    s.put(sample.present);
+    if (i > 0 && !sample.present) continue;
+    pose(s, sample.pose);
+    s.put(sample.phaco);
+    s.put(sample.aspiration);
+    s.put(sample.time);
+  }
   s.put(r.problem);
   s.put(r.published_ns);
 }
@@ -77,6 +91,7 @@ struct Appender {
     bytes.resize(at + sizeof value);
     std::memcpy(bytes.data() + at, &value, sizeof value);
   }
+  void expect(bool, const char*) {}
 };
 
 class Taker {
@@ -100,6 +115,9 @@ class Taker {
     at_ += n;
     return bytes_.data() + at_ - n;
   }
+  void expect(bool holds, const char* otherwise) const {
+    if (!holds) fail(std::string("damaged: ") + otherwise);
+  }
   bool more() const { return at_ < bytes_.size(); }
   void next_record() { ++record_; }
   [[noreturn]] void fail(const std::string& what) const { throw InputError(file_, record_, "", what); }
@@ -112,68 +130,6 @@ class Taker {
   std::size_t at_ = 0;
   int record_ = 0;
 };
-
-class Fingerprint {
- public:
-  template <typename T>
-  void add(const T& value) {
-    static_assert(std::is_arithmetic_v<T> || std::is_enum_v<T>);
-    unsigned char bytes[sizeof value];
-    std::memcpy(bytes, &value, sizeof value);
-    for (const unsigned char b : bytes) hash_ = (hash_ ^ b) * 0x100000001b3;  // FNV-1a
-  }
-  void add(const Vec3& v) {
-    for (int i = 0; i < 3; ++i) add(v[i]);
-  }
-  void add(const Pose& X) {
-    add(X.p);
-    for (int i = 0; i < 4; ++i) add(X.q.coeffs()[i]);
-  }
-  std::uint64_t value() const { return hash_; }
-
- private:
-  std::uint64_t hash_ = 0xcbf29ce484222325;
-};
-
-// Of what forces depend on, as the scene is run.
-std::uint64_t fingerprint(const Scene& s) {
-  Fingerprint f;
-  for (const double x :
-       {s.rate, s.alarm_distance, s.sample_spacing, s.coupling.stiffness, s.coupling.rotational_stiffness,
-        s.coupling.damping_time, s.removal.rate, s.removal.stroke, s.removal.aspiration_reach})
-    f.add(x);
-  f.add(s.removal.aspiration_max_tets);
-  f.add(s.gravity);
-  f.add(s.compliance);
-  f.add(s.contact);
-  f.add(s.friction);
-  for (const SceneBody& b : s.bodies) {
-    f.add(b.kind);
-    for (const Vec3& x : b.mesh.nodes) f.add(x);
-    for (const Tet& t : b.mesh.tets)
-      for (const int n : t) f.add(n);
-    for (const double x : {b.material.young, b.material.poisson, b.material.density, b.material.rayleigh_mass,
-                           b.material.rayleigh_stiffness, b.friction})
-      f.add(x);
-    f.add(b.material.law);
-    for (const int n : b.fixed_nodes) f.add(n);
-    for (const bool flag : {b.removable, b.corotational, b.dynamic, b.simulated}) f.add(flag);
-  }
-  for (const ContactPair& p : s.contacts) {
-    f.add(p.points);
-    f.add(p.faces);
-    f.add(p.friction);
-  }
-  for (const Primitive& p : s.instrument.primitives) {
-    f.add(p.shape);
-    f.add(p.radius);
-    f.add(p.half_length);
-    f.add(p.placement);
-    for (const Vec3& v : p.vertices) f.add(v);
-  }
-  f.add(s.instrument.tip);
-  return f.value();
-}
 
 json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 json numbers(const Quat& q) { return {q.x(), q.y(), q.z(), q.w()}; }
@@ -215,7 +171,9 @@ DeviceSettings device_of(const json& j) {
   return d;
 }
 
-json header_of(const Scene& scene, const DeviceSettings& device) {
+json header_of(const Scene& scene, const std::vector<DeviceSettings>& devices) {
+  json of_devices = json::array();
+  for (const DeviceSettings& d : devices) of_devices.push_back(to_json(d));
   json bodies = json::array();
   for (const SceneBody& b : scene.bodies)
     bodies.push_back({{"name", b.name},
@@ -225,7 +183,7 @@ json header_of(const Scene& scene, const DeviceSettings& device) {
   return {{"scene", scene.name},
           {"scene_file", std::filesystem::absolute(scene.file).string()},
           {"fingerprint", fingerprint(scene)},
-          {"device", to_json(device)},
+          {"devices", of_devices},
           {"choices",
            {{"compliance", scene.compliance},
             {"contact", scene.contact},
@@ -252,14 +210,14 @@ void read_tick(Taker& in, Schedule& out) {
 }  // namespace
 
 ScheduleWriter::ScheduleWriter(const std::filesystem::path& file, const Scene& scene,
-                               const DeviceSettings& device)
+                               const std::vector<DeviceSettings>& devices)
     : out_(file, std::ios::binary) {
   if (!out_) throw std::runtime_error("cannot write the schedule " + file.string());
   Appender out{buffer_};
   buffer_.assign(magic, sizeof magic);
   out.put(version);
   out.put(byte_order);
-  const std::string header = header_of(scene, device).dump();
+  const std::string header = header_of(scene, devices).dump();
   out.put(static_cast<std::uint32_t>(header.size()));
   buffer_ += header;
   flush();
@@ -374,7 +332,9 @@ Scene as_run(const Schedule& schedule, Scene scene) {
       scene.bodies[b].corotational = bodies[b].at("corotational").get<bool>();
       scene.bodies[b].dynamic = bodies[b].at("dynamic").get<bool>();
     }
-    scene.device = device_of(header.at("device"));
+    const json& devices = header.at("devices");
+    if (devices.size() != scene.instruments.size()) throw other();
+    for (std::size_t i = 0; i < devices.size(); ++i) scene.instruments[i].device = device_of(devices[i]);
     if (fingerprint(scene) != header.at("fingerprint").get<std::uint64_t>()) throw other();
     return scene;
   } catch (const json::exception&) {

@@ -1,7 +1,7 @@
 // A live run's schedule as a file: everything from which its forces can be made again (schedule_replay.h).
 //
 // Layout, little-endian: "HAPTICSC", version (u32), byte-order mark (u32), length (u32) and text of a header
-// in JSON (scene, its fingerprint, what the plan chose, the device), then records: a kind (u8) and its
+// in JSON (scene, its fingerprint, what the plan chose, the devices), then records: a kind (u8) and its
 // fields.
 //   T  a tick: TickFacts, number and values of the clock's answers
 //   S  an action of the simulation's schedule: StepRecord
@@ -24,8 +24,9 @@ namespace hapticd {
 
 class ScheduleWriter {
  public:
-  // The scene as it is run, with what a plan chose; the device as it starts.
-  ScheduleWriter(const std::filesystem::path& file, const Scene& scene, const DeviceSettings& device);
+  // The scene as it is run, with what a plan chose; the devices as they start.
+  ScheduleWriter(const std::filesystem::path& file, const Scene& scene,
+                 const std::vector<DeviceSettings>& devices);
 
   void write(const TickRecord& tick);
   void write(const StepRecord& step);

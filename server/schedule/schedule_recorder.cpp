@@ -15,8 +15,8 @@ constexpr auto pause = std::chrono::milliseconds(20);
 }  // namespace
 
 ScheduleRecorder::ScheduleRecorder(const std::filesystem::path& file, const Scene& scene,
-                                   const DeviceSettings& device)
-    : ticks_(tick_capacity), steps_(step_capacity), writer_(file, scene, device) {}
+                                   const std::vector<DeviceSettings>& devices)
+    : ticks_(tick_capacity), steps_(step_capacity), writer_(file, scene, devices) {}
 
 ScheduleRecorder::~ScheduleRecorder() { stop(); }
 

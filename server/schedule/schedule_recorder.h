@@ -16,7 +16,8 @@ namespace hapticd {
 
 class ScheduleRecorder {
  public:
-  ScheduleRecorder(const std::filesystem::path& file, const Scene& scene, const DeviceSettings& device);
+  ScheduleRecorder(const std::filesystem::path& file, const Scene& scene,
+                   const std::vector<DeviceSettings>& devices);
   ~ScheduleRecorder();
   ScheduleRecorder(const ScheduleRecorder&) = delete;
   ScheduleRecorder& operator=(const ScheduleRecorder&) = delete;

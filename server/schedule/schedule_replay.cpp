@@ -83,7 +83,7 @@ class Simulation final : private StepHost {
     return record;
   }
 
-  InstrumentSample latch() override { return take(now_).sample; }
+  InstrumentSamples latch() override { return take(now_).samples; }
   CondensedProblem& problem() override { return problems_.back(); }
   void publish(StepAction as) override {
     const StepRecord& record = take(as);
@@ -124,9 +124,7 @@ HapticInput input_of(const TickFacts& facts) {
   HapticInput input;
   input.now_ns = facts.now_ns;
   input.period_ns = facts.period_ns;
-  input.presence = facts.presence;
-  input.taken = facts.taken;
-  input.sample = facts.sample;
+  for (int i = 0; i < facts.devices; ++i) input.device[i] = facts.device[i].input;
   return input;
 }
 
@@ -135,7 +133,8 @@ HapticInput input_of(const TickFacts& facts) {
 Reproduction replay_schedule(const Scene& scene, const Schedule& schedule,
                              const std::function<bool(const ReproducedTick&)>& each) {
   Simulation simulation(scene, schedule);
-  HapticTick haptic(scene.instrument, scene.device, haptic_options(scene), simulation.problems());
+  HapticTick haptic(simulation.world().instruments(), devices_of(scene), haptic_options(scene),
+                    simulation.problems());
   Reproduction out;
   std::uint64_t before = 0;
   for (const RecordedTick& tick : schedule.ticks) {
@@ -146,20 +145,28 @@ Reproduction replay_schedule(const Scene& scene, const Schedule& schedule,
     }
     out.gaps += before > 0 ? live.tick - before - 1 : live.tick - 1;
     before = live.tick;
-    if (live.retuned) haptic.retune(live.tuning);
+    for (int i = 0; i < live.devices; ++i)
+      if (live.device[i].retuned) haptic.retune(i, live.device[i].tuning);
     HapticInput input = input_of(live);
     const RecordedClock clock{schedule.answers.data() + tick.first, tick.kept};
     input.deadline = {RecordedClock::left_ns, &clock, 0};
-    const ForceSample force = haptic.run(input);
+    const EachInstrument<ForceSample> force = haptic.run(input);
     ++out.ticks;
     out.unsure += clock.asked != tick.asked || tick.asked > tick.kept;
-    out.other_status += force.status != live.status;
-    const double off = (force.force - live.force).norm();
+    double off = 0;
+    bool other_status = false;
+    for (int i = 0; i < live.devices; ++i) {
+      const DeviceFacts& then = live.device[i];
+      other_status = other_status || force[i].status != then.status;
+      const double off_by = (force[i].force - then.force).norm();
+      off = off_by <= off ? off : off_by;  // also where it is no number
+      out.largest_torque_off = std::max(out.largest_torque_off, (force[i].torque - then.torque).norm());
+    }
+    out.other_status += other_status;
     if (!(off <= out.largest_off)) {
       out.largest_off = off;
       out.worst_tick = live.tick;
     }
-    out.largest_torque_off = std::max(out.largest_torque_off, (force.torque - live.torque).norm());
     if (each && !each({live, force, off})) break;
   }
   out.removed = simulation.world().removed();

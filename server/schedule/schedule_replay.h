@@ -16,8 +16,8 @@ namespace hapticd {
 
 struct ReproducedTick {
   const TickFacts& live;
-  ForceSample force;
-  double off = 0;  // |f − f_live| [N]
+  EachInstrument<ForceSample> force;
+  double off = 0;  // |f − f_live|, the largest of the devices [N]
 };
 
 struct Reproduction {

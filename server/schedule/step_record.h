@@ -13,9 +13,9 @@ struct StepRecord {
   std::int32_t body = 0;      // adopted: whose
   std::int64_t asked_ns = 0;  // PlannedAction's, as the next
   std::int64_t step_ns = 0;
-  InstrumentSample sample = {};   // begin, finish, refresh: that was latched
-  std::uint64_t problem = 0;      // publish…: its number
-  std::int64_t published_ns = 0;  // …
+  InstrumentSamples samples = {};  // begin, finish, refresh: that were latched
+  std::uint64_t problem = 0;       // publish…: its number
+  std::int64_t published_ns = 0;   // …
 };
 
 }  // namespace hapticd

@@ -8,7 +8,7 @@ StepSchedule::StepSchedule(World& world, std::int64_t period_ns, const StepSched
     : world_(world), period_ns_(period_ns), options_(options) {}
 
 void StepSchedule::warm_up(CondensedProblem& unpublished) {
-  world_.step([] { return InstrumentSample{}; }, unpublished);
+  world_.step([] { return InstrumentSamples{}; }, unpublished);
   unpublished.step = 0;
 }
 

@@ -15,7 +15,7 @@
 #include <optional>
 #include <vector>
 
-#include "haptic/device.h"
+#include "haptic/haptic_step.h"
 #include "physics/simulation/world.h"
 
 namespace hapticd {
@@ -36,12 +36,18 @@ inline InstrumentSample sample_of(const InstrumentInput& i) noexcept {
           1e-9 * static_cast<double>(i.received_ns)};
 }
 
+inline InstrumentSamples samples_of(const InstrumentInputs& inputs) noexcept {
+  InstrumentSamples samples;
+  for (int i = 0; i < max_instruments; ++i) samples[i] = sample_of(inputs[i]);
+  return samples;
+}
+
 // What a step needs of whoever drives it.
 class StepHost {
  public:
   virtual ~StepHost() = default;
   // The newest that is known.
-  virtual InstrumentSample latch() = 0;
+  virtual InstrumentSamples latch() = 0;
   // The problem to be written next, and its publication: the haptic side takes it from now on.
   virtual CondensedProblem& problem() = 0;
   virtual void publish(StepAction as) = 0;

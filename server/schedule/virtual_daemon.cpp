@@ -29,13 +29,13 @@ VirtualTiming usual_timing(const World& world) {
   return timing;
 }
 
-VirtualDaemon::VirtualDaemon(std::unique_ptr<World> world, double rate, const DeviceSettings& device,
+VirtualDaemon::VirtualDaemon(std::unique_ptr<World> world, double rate, std::vector<DeviceSettings> devices,
                              const HapticOptions& options, VirtualDaemonSettings settings)
     : settings_(std::move(settings)),
       world_(std::move(world)),
       schedule_(*world_, period_of(rate), settings_.schedule),
       timing_(settings_.timing ? *settings_.timing : usual_timing(*world_)),
-      haptic_(world_->instrument(), device, options, problems_),
+      haptic_(world_->instruments(), std::move(devices), options, problems_),
       free_ns_(settings_.first_ns) {
   schedule_.warm_up(problems_.back());
   schedule_.start(settings_.first_ns);
@@ -79,21 +79,21 @@ void VirtualDaemon::advance(std::int64_t now_ns) {
   }
 }
 
-ForceSample VirtualDaemon::tick(const HapticInput& input) {
+EachInstrument<ForceSample> VirtualDaemon::tick(const HapticInput& input) {
   advance(input.now_ns);
-  const ForceSample force = haptic_.run(input);
-  tell(haptic_.instrument(input.now_ns));
-  return force;
+  const EachInstrument<ForceSample> forces = haptic_.run(input);
+  tell(haptic_.instruments(input.now_ns));
+  return forces;
 }
 
-void VirtualDaemon::tell(const InstrumentInput& instrument) { told_ = instrument; }
+void VirtualDaemon::tell(const InstrumentInputs& instruments) { told_ = instruments; }
 
 const CondensedProblem* VirtualDaemon::newest() {
   problems_.acquire();
   return haptic_.problem();
 }
 
-InstrumentSample VirtualDaemon::latch() { return sample_of(told_); }
+InstrumentSamples VirtualDaemon::latch() { return samples_of(told_); }
 
 void VirtualDaemon::publish(StepAction) {
   problems_.back().published_ns = free_ns_;

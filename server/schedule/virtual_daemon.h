@@ -1,4 +1,4 @@
-// The daemon of one device in virtual time: its schedule and its haptic tick in one thread, without a clock.
+// The daemon of one world in virtual time: its schedule and its haptic tick in one thread, without a clock.
 //
 //   simulation   StepSchedule's actions at the times of VirtualTiming, after those before them have ended
 //   haptic       a tick (haptic_tick.h) whenever the caller has one, on the newest problem published by then
@@ -47,15 +47,20 @@ struct VirtualDaemonSettings {
 
 class VirtualDaemon final : private StepHost {
  public:
-  VirtualDaemon(std::unique_ptr<World> world, double rate, const DeviceSettings& device,
+  // devices: one an instrument, in their order.
+  VirtualDaemon(std::unique_ptr<World> world, double rate, std::vector<DeviceSettings> devices,
                 const HapticOptions& options, VirtualDaemonSettings settings = {});
+  VirtualDaemon(std::unique_ptr<World> world, double rate, const DeviceSettings& one,
+                const HapticOptions& options, VirtualDaemonSettings settings = {})
+      : VirtualDaemon(std::move(world), rate, std::vector<DeviceSettings>{one}, options,
+                      std::move(settings)) {}
 
   // A tick at input.now_ns, which rises; the simulation first, as far as it is by then.
-  ForceSample tick(const HapticInput& input);
+  EachInstrument<ForceSample> tick(const HapticInput& input);
 
   // For a tick that somebody else makes: the simulation until then, and what it is told after it.
   void advance(std::int64_t now_ns);
-  void tell(const InstrumentInput& instrument);
+  void tell(const InstrumentInputs& instruments);
 
   // For actions to come.
   void set_timing(const VirtualTiming& timing) { timing_ = timing; }
@@ -67,7 +72,7 @@ class VirtualDaemon final : private StepHost {
   const StepSchedule& schedule() const { return schedule_; }
   // Published last, or null.
   const CondensedProblem* newest();
-  const InstrumentInput& told() const { return told_; }
+  const InstrumentInputs& told() const { return told_; }
 
  private:
   struct Reference {
@@ -77,7 +82,7 @@ class VirtualDaemon final : private StepHost {
 
   std::int64_t time_of(const PlannedAction& planned) const;
 
-  InstrumentSample latch() override;
+  InstrumentSamples latch() override;
   CondensedProblem& problem() override { return problems_.back(); }
   void publish(StepAction as) override;
   std::optional<ReferenceJob> finished_reference() override;
@@ -89,7 +94,7 @@ class VirtualDaemon final : private StepHost {
   VirtualTiming timing_;
   Channel<CondensedProblem> problems_;
   HapticTick haptic_;
-  InstrumentInput told_;
+  InstrumentInputs told_;
   std::deque<Reference> references_;
   std::int64_t free_ns_;         // the simulation's last action ended
   std::int64_t begun_ns_ = 0;    // the step under way, or the last, began

@@ -7,6 +7,7 @@
 
 #include "haptic/haptic_step.h"
 #include "tests/fuzz/targets.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -47,10 +48,10 @@ class Tape {
 // A sheet of soft nodes at z = 0, two samples in each of its squares, with friction or without.
 void make_sheet(CondensedProblem& p, double friction, Renewal renewal) {
   p.step = 1;
-  p.X_ref.p = Vec3(1.5 * spacing, 1.5 * spacing, 2 * spacing);
+  p.instrument[0].X_ref.p = Vec3(1.5 * spacing, 1.5 * spacing, 2 * spacing);
   p.renewal = renewal;
   p.alarm_distance = 2 * spacing;
-  p.coupling = {.stiffness = 300, .rotational_stiffness = 0.03, .damping_time = 2e-3};
+  p.instrument[0].coupling = {.stiffness = 300, .rotational_stiffness = 0.03, .damping_time = 2e-3};
   p.nodes = side * side;
   for (int n = 0; n < p.nodes; ++n) p.x_free[n] = p.x_now[n] = spacing * Vec3(n % side, n / side, 0);
   p.C().setZero();
@@ -158,19 +159,19 @@ void fuzz_device(FuzzInput input) {
   for (std::size_t tick = 0; tick < most_ticks && !tape.over(); ++tick) {
     const auto flags = tape.next<std::uint8_t>();
     now_ns += ms * (flags & late ? 1 + tape.next<std::uint8_t>() : 1);
-    if (flags & republished) in.presence.rival = republish(tape, now_ns, *problem);
+    if (flags & republished) in.device[0].presence.rival = republish(tape, now_ns, *problem);
     in.now_ns = now_ns;
-    in.presence.connected = !(flags & gone);
-    in.taken = flags & taken;
-    in.presence.conflict = !in.taken && flags & other;
-    in.presence.new_client = in.taken && (tick == 0 || flags & other);
-    if (in.taken) {
-      read_state(tape, flags, in.sample);
-      in.sample.received_ns = now_ns - ms / 2;
+    in.device[0].presence.connected = !(flags & gone);
+    in.device[0].taken = flags & taken;
+    in.device[0].presence.conflict = !in.device[0].taken && flags & other;
+    in.device[0].presence.new_client = in.device[0].taken && (tick == 0 || flags & other);
+    if (in.device[0].taken) {
+      read_state(tape, flags, in.device[0].sample);
+      in.device[0].sample.received_ns = now_ns - ms / 2;
     }
     const ForceSample f = haptic_step(problem.get(), instrument, device, options, in, *state);
     check(device, f, before, options.watchdog.period_ns);
-    instrument_input(device, options.watchdog, state->watchdog, now_ns);
+    instrument_input(device, options.watchdog, state->device[0].watchdog, now_ns);
     before = f;
   }
 }

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 
 #include "server/files/input_error.h"
 #include "tests/fuzz/targets.h"
@@ -46,8 +47,20 @@ void fuzz_scene(FuzzInput input) {
   try {
     const Scene scene = read_scene(folder.scene(input));
     demand(scene.rate > 0 && scene.alarm_distance > 0 && scene.sample_spacing > 0, "a scene has its scales");
-    demand(!scene.bodies.empty() && !scene.instrument.primitives.empty(),
-           "a scene has a body and an instrument");
+    demand(!scene.bodies.empty(), "a scene has a body");
+    demand(!scene.instruments.empty() && scene.instruments.size() <= 4,
+           "a scene has one to four instruments");
+    std::set<std::uint32_t> ids;
+    for (const SceneInstrument& held : scene.instruments) {
+      const int parts = static_cast<int>(held.shape.primitives.size());
+      demand(held.shape.tip >= 0 && held.shape.tip < parts, "a tip is a part of its instrument");
+      demand(held.coupling.stiffness > 0, "an instrument is held");
+      ids.insert(held.device.id);
+    }
+    for (const DeviceSettings& device : scene.more_devices) ids.insert(device.id);
+    demand(ids.size() == scene.instruments.size() + scene.more_devices.size(), "each device has its own id");
+    demand(scene.instruments.size() == 1 || scene.more_devices.empty(),
+           "several instruments share one tissue");
     for (const SceneBody& b : scene.bodies)
       for (const int n : b.fixed_nodes)
         demand(n >= 0 && n < static_cast<int>(b.mesh.nodes.size()), "what is fixed is a node");

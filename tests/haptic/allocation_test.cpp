@@ -6,6 +6,8 @@
 #include "haptic/loop.h"
 #include "tests/support/contact_problems.h"
 #include "tests/support/malloc_guard.h"
+#include "tests/haptic/two_devices.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -26,7 +28,7 @@ Outcome stroke(double friction, Renewal renewal) {
   sheet.friction = friction;
   const std::unique_ptr<CondensedProblem> problem = sheet_problem(random, sheet);
   problem->renewal = renewal;
-  problem->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+  problem->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
   const Instrument instrument = sphere_instrument(1e-3);
   DeviceSettings device;
   device.max_force = 0.05;
@@ -39,20 +41,20 @@ Outcome stroke(double friction, Renewal renewal) {
   options.passivity_control = true;
 
   HapticInput input;
-  input.presence.connected = true;
+  input.device[0].presence.connected = true;
   Outcome out;
   const MallocGuard guard;
   for (int i = 1; i <= 1500; ++i) {
     input.now_ns = (1000 + i) * ms + (i == 700 ? 7 * ms : 0);
-    input.presence.new_client = i == 1;
-    input.presence.connected = i < 1200 || i > 1210;
-    input.presence.conflict = i == 800;
-    input.taken = i < 900 || i > 915;
-    input.sample.sequence = static_cast<std::uint64_t>(i);
-    input.sample.received_ns = input.now_ns;
-    input.sample.enable = i != 1230;
-    input.sample.pose.p = Vec3(1e-3 * std::sin(0.01 * i), 0, 0.9e-3 - 0.3e-3 * std::sin(0.02 * i));
-    if (i == 850) input.sample.pose.p.x() = std::nan("");
+    input.device[0].presence.new_client = i == 1;
+    input.device[0].presence.connected = i < 1200 || i > 1210;
+    input.device[0].presence.conflict = i == 800;
+    input.device[0].taken = i < 900 || i > 915;
+    input.device[0].sample.sequence = static_cast<std::uint64_t>(i);
+    input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.enable = i != 1230;
+    input.device[0].sample.pose.p = Vec3(1e-3 * std::sin(0.01 * i), 0, 0.9e-3 - 0.3e-3 * std::sin(0.02 * i));
+    if (i == 850) input.device[0].sample.pose.p.x() = std::nan("");
     problem->step = static_cast<std::uint64_t>(1 + i / 20);
     problem->topology_changed = i / 20 % 7 == 0;
     problem->published_ns = i < 1000 || i > 1100 ? input.now_ns : 2000 * ms;
@@ -104,7 +106,7 @@ Outcome stroke_of_the_daemon(double friction, Renewal renewal, double lag) {
   cut->samples -= 8;
   for (CondensedProblem* p : {whole.get(), cut.get()}) {
     p->renewal = renewal;
-    p->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+    p->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
   }
   const Instrument instrument = sphere_instrument(1e-3);
   DeviceSettings device;
@@ -116,7 +118,7 @@ Outcome stroke_of_the_daemon(double friction, Renewal renewal, double lag) {
   const auto state = std::make_unique<HapticState>();
 
   HapticInput input;
-  input.presence.connected = true;
+  input.device[0].presence.connected = true;
   std::uint64_t step = 0;
   const CondensedProblem* newest = whole.get();
   Outcome out;
@@ -135,12 +137,12 @@ Outcome stroke_of_the_daemon(double friction, Renewal renewal, double lag) {
     }
     input.now_ns = (1000 + i) * ms + i % 7 * (ms / 10);
     input.period_ns = i % 5 == 0 ? ms + ms / 5 : 0;  // some ticks come late
-    input.presence.new_client = i == 1;
-    input.taken = true;
-    input.sample.sequence = static_cast<std::uint64_t>(i);
-    input.sample.received_ns = input.now_ns;
-    input.sample.enable = true;
-    input.sample.pose.p = Vec3(1e-3 * std::sin(0.01 * i), 0, 0.9e-3 - 0.3e-3 * std::sin(0.02 * i));
+    input.device[0].presence.new_client = i == 1;
+    input.device[0].taken = true;
+    input.device[0].sample.sequence = static_cast<std::uint64_t>(i);
+    input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.enable = true;
+    input.device[0].sample.pose.p = Vec3(1e-3 * std::sin(0.01 * i), 0, 0.9e-3 - 0.3e-3 * std::sin(0.02 * i));
     const ForceSample f = haptic_step(newest, instrument, device, options, input, *state);
     out.peak = std::max(out.peak, f.force.norm());
     out.status |= f.status;
@@ -162,6 +164,52 @@ TEST(Allocation, HapticStepAllocatesNothingUnderTheDaemonsOwnOptions) {
         EXPECT_GT(o.peak, 1e-3);
         EXPECT_EQ(o.viscous, renewal == Renewal::renewed);
       }
+}
+
+// Two hands on one sheet; each in turn falls silent, lies, lets go, leaves and comes back.
+TEST(Allocation, ATickOfTwoDevicesAllocatesNothingWhoeverComesAndGoes) {
+  if (!MallocGuard::available()) GTEST_SKIP() << "malloc belongs to the sanitizer";
+  for (const double friction : {0.0, 0.4}) {
+    two_devices::Hands hands(friction);
+    hands.options.passivity_control = true;
+    EachInstrument<std::uint32_t> seen;
+    EachInstrument<double> peak;
+    int together = 0, single = 0;
+    const MallocGuard guard;
+    for (int i = 1; i <= 3000; ++i) {
+      hands.depth[0] = 0.4e-3 * std::sin(0.013 * i);
+      hands.depth[1] = 0.4e-3 * std::sin(0.011 * i);
+      hands.problem->step = static_cast<std::uint64_t>(1 + i / 20);
+      hands.problem->topology_changed = i / 20 % 7 == 0;
+      hands.publish = i < 2500 || i > 2570;
+      hands.tick([i](HapticInput& now) {
+        DeviceInput& d = now.device[i / 1000 % 2];
+        const int t = i % 1000;
+        d.taken = t < 400 || t > 415;
+        d.sample.enable = t != 500 && t != 760;
+        if (t > 700 && t < 705) d.sample.pose.p.x() = std::nan("");
+        d.presence.connected = t < 800 || t > 810;
+        d.presence.new_client = d.presence.new_client || t == 811;
+        d.presence.conflict = t == 850;
+      });
+      together += hands.state->solved && hands.present(0) && hands.present(1);
+      single += hands.state->solved && hands.present(0) != hands.present(1);
+      for (int k = 0; k < 2; ++k) {
+        seen[k] |= hands.force[k].status;
+        peak[k] = std::max(peak[k], hands.force[k].force.norm());
+      }
+    }
+    EXPECT_EQ(guard.allocations(), 0);
+    EXPECT_EQ(guard.frees(), 0);
+    EXPECT_GT(together, 1000);
+    EXPECT_GT(single, 100);
+    const std::uint32_t passed = status_disarmed | status_holding | status_ramping_down | status_ramping_up |
+                                 status_rejected | status_latched | status_conflict | status_blending;
+    for (int k = 0; k < 2; ++k) {
+      EXPECT_EQ(seen[k] & passed, passed) << k;
+      EXPECT_GT(peak[k], 1e-3) << k;
+    }
+  }
 }
 
 TEST(Allocation, ChannelQueueAndHistogramAllocateNothing) {

@@ -5,6 +5,7 @@
 
 #include "haptic/haptic_step.h"
 #include "tests/haptic/wall.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -33,13 +34,13 @@ struct ContactStatus : testing::Test {
     for (int k = 1; k <= ticks; ++k) {
       HapticInput in;
       in.now_ns = problem->published_ns = (1000 + k) * ms;
-      in.presence.connected = true;
-      in.presence.new_client = k == 1;
-      in.taken = true;
-      in.sample.sequence = k;
-      in.sample.received_ns = in.now_ns;
-      in.sample.enable = true;
-      in.sample.pose.p = Vec3(0, 0, height);
+      in.device[0].presence.connected = true;
+      in.device[0].presence.new_client = k == 1;
+      in.device[0].taken = true;
+      in.device[0].sample.sequence = k;
+      in.device[0].sample.received_ns = in.now_ns;
+      in.device[0].sample.enable = true;
+      in.device[0].sample.pose.p = Vec3(0, 0, height);
       sample = haptic_step(problem.get(), instrument, device, options, in, *state);
     }
     return sample;

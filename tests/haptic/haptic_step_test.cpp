@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/haptic/wall.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -39,13 +40,13 @@ struct HapticStep : testing::Test {
     if (publish) problem->published_ns = now;
     HapticInput in;
     in.now_ns = now;
-    in.presence.connected = true;
-    in.presence.new_client = sequence == 0;
-    in.taken = taken;
-    if (taken) in.sample.sequence = ++sequence;
-    in.sample.received_ns = now;
-    in.sample.enable = true;
-    in.sample.pose.p = device.frame.conjugate() * Vec3(0, 0, height) / device.position_scale;
+    in.device[0].presence.connected = true;
+    in.device[0].presence.new_client = sequence == 0;
+    in.device[0].taken = taken;
+    if (taken) in.device[0].sample.sequence = ++sequence;
+    in.device[0].sample.received_ns = now;
+    in.device[0].sample.enable = true;
+    in.device[0].sample.pose.p = device.frame.conjugate() * Vec3(0, 0, height) / device.position_scale;
     return in;
   }
   ForceSample tick(const HapticInput& in) {
@@ -57,7 +58,7 @@ struct HapticStep : testing::Test {
     options.viscous.step = 0.02;
     options.viscous.relaxation[0] = 2e-3;
     problem->nodes = 3;
-    const Vec3 corner[] = {{1e-3, -1e-3, 0}, {-1e-3, -1e-3, 0}, {0, 2e-3, 0}};
+    const Vec3 corner[] = {{-1e-3, -1e-3, 0}, {1e-3, -1e-3, 0}, {0, 2e-3, 0}};
     for (int n = 0; n < 3; ++n) {
       problem->x_free[n] = problem->x_now[n] = corner[n];
       problem->sample[0].node[n] = n;
@@ -114,7 +115,7 @@ TEST_F(HapticStep, ArmingInsideTheTissueRampsUpFromZero) {
 TEST_F(HapticStep, ClientGoneIsExactlyZeroInTheSameTick) {
   settle();
   HapticInput in = input(false);
-  in.presence.connected = false;
+  in.device[0].presence.connected = false;
   const ForceSample f = tick(in);
   EXPECT_EQ(f.force, Vec3::Zero());
   EXPECT_EQ(f.torque, Vec3::Zero());
@@ -258,7 +259,7 @@ TEST_F(HapticStep, ProblemThatIsNotFiniteBecomesZeroAndLatches) {
 TEST_F(HapticStep, RefusedStateMovesNothing) {
   const Vec3 before = settle().force;
   HapticInput in = input();
-  in.sample.pose.p.setConstant(std::nan(""));
+  in.device[0].sample.pose.p.setConstant(std::nan(""));
   const ForceSample f = tick(in);
   EXPECT_LT((f.force - before).norm(), 1e-9);
   EXPECT_EQ(f.status, status_rejected);
@@ -284,7 +285,7 @@ TEST_F(HapticStep, PassivityControlTakesBackTheEnergyOfTheHoldAndIsOffByDefault)
         height += (k < 5 ? -1 : 1) * 0.05e-3;
         lowest = std::min(lowest, tick().energy);
       }
-    return std::make_pair(lowest, state->passivity.energy);
+    return std::make_pair(lowest, state->device[0].passivity.energy);
   };
   const auto without = stroke();
   EXPECT_LT(without.second, -1e-4);
@@ -297,13 +298,13 @@ TEST_F(HapticStep, PassivityControlTakesBackTheEnergyOfTheHoldAndIsOffByDefault)
 
 TEST_F(HapticStep, SimulationSeesThePedalsOnlyWhileStatesCome) {
   HapticInput in = input();
-  in.sample.buttons = pedal_phaco;
+  in.device[0].sample.buttons = pedal_phaco;
   tick(in);
-  InstrumentInput seen = instrument_input(device, options.watchdog, state->watchdog, now);
+  InstrumentInput seen = instrument_input(device, options.watchdog, state->device[0].watchdog, now);
   EXPECT_TRUE(seen.present);
   EXPECT_EQ(seen.buttons, pedal_phaco);
   EXPECT_NEAR(seen.X.p.z(), height, 1e-15);
-  seen = instrument_input(device, options.watchdog, state->watchdog, now + 10 * ms);
+  seen = instrument_input(device, options.watchdog, state->device[0].watchdog, now + 10 * ms);
   EXPECT_FALSE(seen.present);
   EXPECT_EQ(seen.buttons, 0u);
   EXPECT_NEAR(seen.X.p.z(), height, 1e-15);

@@ -40,7 +40,9 @@ class FakePort final : public DevicePort {
     sample.pose.p.z() = wall::radius - 0.1e-3;
     return true;
   }
-  std::int64_t await(std::int64_t until_ns) noexcept override { return wait(until_ns); }
+  std::int64_t await(std::int64_t until_ns, const EachInstrument<std::int64_t>&) noexcept override {
+    return wait(until_ns);
+  }
   std::function<std::int64_t(std::int64_t)> wait = [](std::int64_t) { return std::int64_t{0}; };
   Presence presence() const noexcept override { return {.connected = true, .new_client = begun.size() == 1}; }
   void write(const ForceSample& force) noexcept override {
@@ -59,7 +61,7 @@ struct Loop : testing::Test {
   HapticOptions options;
   FakePort port;
   Channel<CondensedProblem> problems;
-  Channel<InstrumentInput> inputs;
+  Channel<InstrumentInputs> inputs;
   SpscQueue<ForceRecord> history{1024};
 
   Loop() {
@@ -80,7 +82,7 @@ struct Loop : testing::Test {
 
 TEST_F(Loop, AfterAStallSlotsAreLeftOutAndNeverMadeUpForInABurst) {
   port.stall_at = 100;
-  HapticLoop loop(instrument, device, options, port, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, port, history}}, options, problems, inputs);
   run(loop, 300);
   const LoopStatistics& s = loop.statistics();
   ASSERT_GT(port.stall_began, 0);
@@ -100,7 +102,7 @@ TEST_F(Loop, AfterAStallSlotsAreLeftOutAndNeverMadeUpForInABurst) {
 }
 
 TEST_F(Loop, EveryTickIsAnsweredRecordedAndCounted) {
-  HapticLoop loop(instrument, device, options, port, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, port, history}}, options, problems, inputs);
   bool hooked = false;
   loop.start([&] { hooked = true; });
   std::this_thread::sleep_for(std::chrono::milliseconds(200));
@@ -126,12 +128,12 @@ TEST_F(Loop, EveryTickIsAnsweredRecordedAndCounted) {
   }
   EXPECT_EQ(records, s.run.load());
   ASSERT_TRUE(inputs.acquire());
-  EXPECT_TRUE(inputs.front().present);
-  EXPECT_EQ(inputs.front().sequence, s.run.load());
+  EXPECT_TRUE(inputs.front()[0].present);
+  EXPECT_EQ(inputs.front()[0].sequence, s.run.load());
 }
 
 TEST_F(Loop, WakesEarlyAndBeginsOnTime) {
-  HapticLoop loop(instrument, device, options, port, problems, inputs, history, {.early_ns = ms / 2});
+  HapticLoop loop(instrument, {{device, port, history}}, options, problems, inputs, {.early_ns = ms / 2});
   run(loop, 300);
   const LoopStatistics& s = loop.statistics();
   ASSERT_GT(s.run.load(), 100u);
@@ -169,7 +171,7 @@ class LatePort final : public DevicePort {
     sample.enable = true;
     return true;
   }
-  std::int64_t await(std::int64_t) noexcept override { return 0; }
+  std::int64_t await(std::int64_t, const EachInstrument<std::int64_t>&) noexcept override { return 0; }
   Presence presence() const noexcept override {
     return {.connected = connected(seen_), .new_client = seen_ == 1};
   }
@@ -186,7 +188,7 @@ class LatePort final : public DevicePort {
 TEST_F(Loop, AStateThatIsALittleLateIsWaitedForAndAnswered) {
   LatePort late;
   late.late = [](int tick) { return tick % 20 == 0 ? 150'000 : 0; };
-  HapticLoop loop(instrument, device, options, late, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, late, history}}, options, problems, inputs);
   run(loop, 200);
   const LoopStatistics& s = loop.statistics();
   EXPECT_LE(s.late_states.load(), s.run.load() / 20);
@@ -198,7 +200,7 @@ TEST_F(Loop, AStateThatIsALittleLateIsWaitedForAndAnswered) {
 TEST_F(Loop, AStateThatDoesNotComeIsWaitedForOnceAndNotBeyondItsTime) {
   LatePort late;
   late.late = [](int tick) { return tick > 50 ? -1 : 0; };
-  HapticLoop loop(instrument, device, options, late, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, late, history}}, options, problems, inputs);
   run(loop, 200);
   const LoopStatistics& s = loop.statistics();
   const int silent = static_cast<int>(s.run.load()) - 50;
@@ -223,7 +225,7 @@ class StalledPort final : public DevicePort {
     sample.enable = true;
     return true;
   }
-  std::int64_t await(std::int64_t) noexcept override { return 0; }
+  std::int64_t await(std::int64_t, const EachInstrument<std::int64_t>&) noexcept override { return 0; }
   Presence presence() const noexcept override { return {.connected = true, .new_client = states_ == 1}; }
   void write(const ForceSample&) noexcept override {}
 
@@ -260,14 +262,14 @@ std::uint64_t late_states_behind_stalls(HapticLoop& loop, double share) {
 TEST_F(Loop, BehindAStallTheStateThatComesInAMomentIsAnswered) {
   for (const double share : {0.1, 0.4}) {
     StalledPort stalled;
-    HapticLoop loop(instrument, device, options, stalled, problems, inputs, history);
+    HapticLoop loop(instrument, {{device, stalled, history}}, options, problems, inputs);
     EXPECT_GE(late_states_behind_stalls(loop, share), 5u) << share;  // not 20: the machine may hold up more
   }
 }
 
 TEST_F(Loop, BehindAStallInTheSecondHalfOfAPeriodTheNextStateComesInTime) {
   StalledPort stalled;
-  HapticLoop loop(instrument, device, options, stalled, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, stalled, history}}, options, problems, inputs);
   EXPECT_LE(late_states_behind_stalls(loop, 0.7), 2u);
 }
 
@@ -275,19 +277,19 @@ TEST_F(Loop, ClientsAtAnotherRateOrGoneAreNotWaitedFor) {
   LatePort half;
   half.late = [](int tick) { return tick % 2 ? 0 : -1; };
   {
-    HapticLoop loop(instrument, device, options, half, problems, inputs, history);
+    HapticLoop loop(instrument, {{device, half, history}}, options, problems, inputs);
     run(loop, 100);
     EXPECT_EQ(half.takes, static_cast<int>(loop.statistics().run.load()));
   }
   LatePort gone;
   gone.connected = [](int tick) { return tick <= 50; };
-  HapticLoop loop(instrument, device, options, gone, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, gone, history}}, options, problems, inputs);
   run(loop, 100);
   EXPECT_EQ(gone.takes, static_cast<int>(loop.statistics().run.load()));
 }
 
 TEST_F(Loop, LastForceIsZeroAndDisarmedAndStopMayBeCalledTwice) {
-  HapticLoop loop(instrument, device, options, port, problems, inputs, history);
+  HapticLoop loop(instrument, {{device, port, history}}, options, problems, inputs);
   run(loop, 50);
   EXPECT_EQ(port.last.force, Vec3::Zero());
   EXPECT_EQ(port.last.status, status_disarmed);

@@ -8,6 +8,7 @@
 
 #include "haptic/haptic_step.h"
 #include "tests/support/contact_problems.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -37,8 +38,8 @@ const Poison poisons[] = {
     {"weight", [](CondensedProblem& p) { p.sample[2].weight[1] = nan; }},
     {"outward", [](CondensedProblem& p) { p.sample[2].outward.z() = nan; }},
     {"friction", [](CondensedProblem& p) { p.sample[2].friction = -1; }},
-    {"coupling", [](CondensedProblem& p) { p.coupling.stiffness = nan; }},
-    {"X_ref", [](CondensedProblem& p) { p.X_ref.q.w() = nan; }},
+    {"coupling", [](CondensedProblem& p) { p.instrument[0].coupling.stiffness = nan; }},
+    {"X_ref", [](CondensedProblem& p) { p.instrument[0].X_ref.q.w() = nan; }},
     {"node", [](CondensedProblem& p) { p.sample[2].node[1] = p.nodes; }},
     {"node below", [](CondensedProblem& p) { p.sample[2].node[1] = -1; }},
     {"nodes", [](CondensedProblem& p) { p.nodes = max_patch_nodes + 1; }},
@@ -62,21 +63,21 @@ TEST(ProblemCheck, APoisonedProblemLatchesAndIsForgotten) {
     device.max_force_rate = 1e4;
     device.max_speed = 10;
     HapticInput in;
-    in.presence.connected = in.presence.new_client = true;
-    in.taken = in.sample.enable = true;
+    in.device[0].presence.connected = in.device[0].presence.new_client = true;
+    in.device[0].taken = in.device[0].sample.enable = true;
     const auto p = sound_problem();
     ForceSample f;
     for (int i = 1; i <= 160; ++i) {
-      in.now_ns = in.sample.received_ns = p->published_ns = (1000 + i) * std::int64_t{1'000'000};
-      in.sample.sequence = static_cast<std::uint64_t>(i);
-      in.sample.pose.p = Vec3(0, 0, 4e-3 - 0.2e-3);
+      in.now_ns = in.device[0].sample.received_ns = p->published_ns = (1000 + i) * std::int64_t{1'000'000};
+      in.device[0].sample.sequence = static_cast<std::uint64_t>(i);
+      in.device[0].sample.pose.p = Vec3(0, 0, 4e-3 - 0.2e-3);
       if (i == 160) {
         EXPECT_GT(f.force.norm(), 1e-3);
         ++p->step;
         poison.give(*p);
       }
       f = haptic_step(p.get(), sphere_instrument(4e-3), device, {}, in, *state);
-      in.presence.new_client = false;
+      in.device[0].presence.new_client = false;
     }
     EXPECT_EQ(f.force.norm(), 0) << poison.name;
     EXPECT_EQ(f.status & (status_not_finite | status_latched), status_not_finite | status_latched)

@@ -8,6 +8,7 @@
 
 #include "haptic/haptic_step.h"
 #include "tests/haptic/wall.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -41,8 +42,8 @@ struct SlewRows : testing::TestWithParam<Limits> {
     device.position_scale = 0.1;
     device.force_scale = 5;
     in.now_ns = 1000 * ms;
-    in.presence.connected = true;
-    in.sample.enable = true;
+    in.device[0].presence.connected = true;
+    in.device[0].sample.enable = true;
     wall::make(*problem, 1, in.now_ns);
   }
 
@@ -50,12 +51,12 @@ struct SlewRows : testing::TestWithParam<Limits> {
   ForceSample tick(const std::function<void(HapticInput&)>& bend = {}, std::int64_t after = ms) {
     in.now_ns += after;
     if (publish) problem->published_ns = in.now_ns;
-    ++in.sample.sequence;
-    in.sample.received_ns = in.now_ns;
-    in.sample.pose.p.z() = height / device.position_scale;
+    ++in.device[0].sample.sequence;
+    in.device[0].sample.received_ns = in.now_ns;
+    in.device[0].sample.pose.p.z() = height / device.position_scale;
     HapticInput now = in;
-    now.presence.new_client = in.sample.sequence == 1;
-    now.taken = true;
+    now.device[0].presence.new_client = in.device[0].sample.sequence == 1;
+    now.device[0].taken = true;
     if (bend) bend(now);
     const ForceSample f = haptic_step(problem.get(), instrument, device, options, now, *state);
     check(f, now);
@@ -66,7 +67,7 @@ struct SlewRows : testing::TestWithParam<Limits> {
     constexpr double rounding = 1 + 1e-12;
     const bool zero = f.force.isZero(0) && f.torque.isZero(0);
     const bool exempt =
-        !now.presence.connected || !state->watchdog.sample.enable || (f.status & status_not_finite);
+        !now.device[0].presence.connected || !state->device[0].watchdog.sample.enable || (f.status & status_not_finite);
     if (exempt) {
       ASSERT_TRUE(zero);
     } else {
@@ -131,12 +132,12 @@ TEST_P(SlewRows, AStallOfTheLoopAndThreeRefusalsReleaseToo) {
   EXPECT_TRUE(f.status & status_disarmed);
 
   publish = true;
-  tick([](HapticInput& now) { now.sample.enable = false; });
+  tick([](HapticInput& now) { now.device[0].sample.enable = false; });
   height = wall::radius;
-  state->watchdog.has_sample = false;  // put down elsewhere
+  state->device[0].watchdog.has_sample = false;  // put down elsewhere
   for (int i = 0; i < 130; ++i) tick();
   damped();
-  for (int i = 0; i < 3; ++i) f = tick([](HapticInput& now) { now.sample.pose.p.x() = std::nan(""); });
+  for (int i = 0; i < 3; ++i) f = tick([](HapticInput& now) { now.device[0].sample.pose.p.x() = std::nan(""); });
   EXPECT_TRUE(f.status & status_latched);
   EXPECT_GT(f.force.norm(), 0);
   for (int i = 0; i < 30; ++i) f = tick();
@@ -146,7 +147,7 @@ TEST_P(SlewRows, AStallOfTheLoopAndThreeRefusalsReleaseToo) {
 
 TEST_P(SlewRows, ClientGoneAndEnableFalseAreZeroInTheSameTick) {
   damped();
-  EXPECT_EQ(tick([](HapticInput& now) { now.sample.enable = false; }).force, Vec3::Zero());
+  EXPECT_EQ(tick([](HapticInput& now) { now.device[0].sample.enable = false; }).force, Vec3::Zero());
 }
 
 // Every row, drawn at random, thousands of times on top of one another.
@@ -174,33 +175,33 @@ TEST_P(SlewRows, AnyOrderOfEventsKeepsTheLimit) {
         after = (2 + below(150)) * ms;
         break;
       case 2:
-        bend = [](HapticInput& now) { now.presence.connected = false; };
+        bend = [](HapticInput& now) { now.device[0].presence.connected = false; };
         break;
       case 3:
-        bend = [](HapticInput& now) { now.sample.enable = false; };
+        bend = [](HapticInput& now) { now.device[0].sample.enable = false; };
         break;
       case 4:
-        bend = [](HapticInput& now) { now.presence.conflict = true; };
+        bend = [](HapticInput& now) { now.device[0].presence.conflict = true; };
         break;
       case 5:
         device.force_scale = std::numeric_limits<double>::infinity();
         break;
       case 6: {  // silence
         for (int n = below(130); n > 0; --n) {
-          tick([](HapticInput& now) { now.taken = false; });
+          tick([](HapticInput& now) { now.device[0].taken = false; });
           seen |= before.status;
         }
         break;
       }
       case 7: {  // refusals
         for (int n = below(6); n > 0; --n) {
-          tick([](HapticInput& now) { now.sample.pose.p.x() = std::nan(""); });
+          tick([](HapticInput& now) { now.device[0].sample.pose.p.x() = std::nan(""); });
           seen |= before.status;
         }
         break;
       }
       case 8:
-        bend = [](HapticInput& now) { now.presence.new_client = true; };
+        bend = [](HapticInput& now) { now.device[0].presence.new_client = true; };
         break;
       default:
         break;
@@ -215,7 +216,7 @@ TEST_P(SlewRows, AnyOrderOfEventsKeepsTheLimit) {
                 (before.status & (status_problem_lost | status_latched));
     // Whatever latched or disarmed it: armed again before long.
     if ((before.status & status_disarmed) && below(50) == 0)
-      tick([](HapticInput& now) { now.sample.enable = false; });
+      tick([](HapticInput& now) { now.device[0].sample.enable = false; });
   }
   EXPECT_GT(peak, 0.25 * device.max_force);
   EXPECT_GT(released, 0);

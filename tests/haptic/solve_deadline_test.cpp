@@ -5,6 +5,7 @@
 #include "haptic/haptic_step.h"
 #include "tests/support/contact_problems.h"
 #include "tests/support/malloc_guard.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -21,12 +22,12 @@ class Pressed {
     sheet.per_triangle = 3;
     sheet.friction = friction;
     problem_ = sheet_problem(random, sheet);
-    problem_->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+    problem_->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
     device_.max_force = 10;
     device_.max_force_rate = 1e6;
     device_.max_speed = 10;
-    input_.presence.connected = true;
-    input_.presence.new_client = true;
+    input_.device[0].presence.connected = true;
+    input_.device[0].presence.new_client = true;
   }
 
   // A clock that shows `left_ns` and loses `per_look_ns` each time it is asked.
@@ -39,14 +40,14 @@ class Pressed {
     };
     ++tick_;
     input_.now_ns = (1000 + tick_) * ms;
-    input_.taken = true;
-    input_.sample.sequence = static_cast<std::uint64_t>(tick_);
-    input_.sample.received_ns = input_.now_ns;
-    input_.sample.enable = true;
-    input_.sample.pose.p = Vec3(0.3e-3 + 2e-6 * tick_, 0, 4e-3 - depth);
+    input_.device[0].taken = true;
+    input_.device[0].sample.sequence = static_cast<std::uint64_t>(tick_);
+    input_.device[0].sample.received_ns = input_.now_ns;
+    input_.device[0].sample.enable = true;
+    input_.device[0].sample.pose.p = Vec3(0.3e-3 + 2e-6 * tick_, 0, 4e-3 - depth);
     problem_->published_ns = input_.now_ns;
     const ForceSample force = haptic_step(problem_.get(), instrument_, device_, options, input_, *state);
-    input_.presence.new_client = false;
+    input_.device[0].presence.new_client = false;
     return force;
   }
 

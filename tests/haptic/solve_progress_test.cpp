@@ -1,4 +1,5 @@
 // A contact solve that never has time enough: what it reached serves the next tick, and is felt.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
@@ -9,6 +10,7 @@
 
 #include "haptic/haptic_step.h"
 #include "tests/support/contact_problems.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -32,7 +34,7 @@ struct FlatTip {
     sheet.per_triangle = 4;
     sheet.friction = 0.5;
     problem = sheet_problem(random, sheet);
-    problem->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+    problem->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
     Primitive tip;
     tip.name = "tip";
     tip.shape = Shape::cylinder;
@@ -43,21 +45,21 @@ struct FlatTip {
     device.max_force = 10;
     device.max_force_rate = 1e6;
     device.max_speed = 10;
-    input.presence.connected = true;
-    input.presence.new_client = true;
+    input.device[0].presence.connected = true;
+    input.device[0].presence.new_client = true;
   }
 
   ForceSample tick(const Pose& X) {
     ++tick_number;
     input.now_ns = (1000 + tick_number) * ms;
-    input.taken = true;
-    input.sample.sequence = static_cast<std::uint64_t>(tick_number);
-    input.sample.received_ns = input.now_ns;
-    input.sample.enable = true;
-    input.sample.pose = X;
+    input.device[0].taken = true;
+    input.device[0].sample.sequence = static_cast<std::uint64_t>(tick_number);
+    input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.enable = true;
+    input.device[0].sample.pose = X;
     problem->published_ns = input.now_ns;
     const ForceSample force = haptic_step(problem.get(), instrument, device, options, input, *state);
-    input.presence.new_client = false;
+    input.device[0].presence.new_client = false;
     return force;
   }
 };
@@ -141,6 +143,70 @@ TEST(SolveProgress, AFlatTipIsFeltThoughNoSolveEnds) {
       EXPECT_LT(rms_error(felt, full), 0.05) << seed;
     }
   }
+}
+
+// A deadline by a clock that goes on by a microsecond each time it is asked.
+struct CountingClock {
+  std::int64_t left_ns;
+  Deadline deadline() {
+    return {[](const void* clock) noexcept {
+              return static_cast<CountingClock*>(const_cast<void*>(clock))->left_ns -= 1000;
+            },
+            this};
+  }
+};
+
+// A stiff node between soft ones: C ← S C S.
+void scale_badly(std::uint64_t seed, CondensedProblem& problem) {
+  Random random(seed);
+  auto C = problem.C();
+  for (int n = 0; n < problem.nodes; ++n) {
+    const double s = std::pow(10, uniform(random, -6, 0));
+    C.middleRows<3>(3 * n) *= s;
+    C.middleCols<3>(3 * n) *= s;
+  }
+}
+
+// A linearisation about what an unfinished solve left would be of any place, and its solution, solved or not,
+// any force. Whatever time there is: what is called solved is the force that unlimited time gives, to 1 % of
+// the peak.
+TEST(SolveProgress, WhatIsCalledSolvedIsSolvedHere) {
+  int solved = 0, late = 0;
+  for (const int seed : {0, 1, 2, 3}) {
+    FlatTip tip(static_cast<std::uint64_t>(seed + 1));
+    scale_badly(static_cast<std::uint64_t>(seed + 50), *tip.problem);
+    const Stroke path = stroke(seed);
+    double peak = 0;
+    for (int t = -120; t < 500; ++t) {
+      Pose X;
+      X.p.z() = 1e-3;
+      if (t >= 0) X = at(path, t);
+      if (t < 100 || t % 10 > 0) {
+        peak = std::max(peak, tip.tick(X).force.norm());
+        continue;
+      }
+      const HapticState before = *tip.state;
+      const int tick_number = tip.tick_number;
+      const Vec3 force = tip.tick(X).force;
+      const HapticState after = *tip.state;
+      peak = std::max(peak, force.norm());
+      for (std::int64_t us = 6; us <= 96; us += 6) {
+        *tip.state = before;
+        tip.tick_number = tick_number;
+        CountingClock clock{1000 * us};
+        tip.input.deadline = clock.deadline();
+        const ForceSample f = tip.tick(X);
+        tip.input.deadline = {};
+        ++(f.status & status_solver_cap ? late : solved);
+        if (!(f.status & status_solver_cap)) {
+          EXPECT_LT((f.force - force).norm(), 0.01 * peak) << seed << ", tick " << t << ", " << us << " µs";
+        }
+      }
+      *tip.state = after;
+    }
+  }
+  EXPECT_GT(solved, 1000);
+  EXPECT_GT(late, 500);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "haptic/haptic_step.h"
 #include "tests/haptic/wall.h"
 #include "tests/support/malloc_guard.h"
+#include "tests/support/one_device.h"
 
 namespace hapticd {
 namespace {
@@ -90,12 +91,12 @@ TEST(Tuning, AChangeOfScaleMakesNoForceStep) {
     HapticInput input;
     input.now_ns = 1'000'000'000 + tick * ms;
     wall::make(*problem, static_cast<std::uint64_t>(tick), input.now_ns);
-    input.presence = {.connected = true, .new_client = tick == 1};
-    input.taken = true;
-    input.sample.sequence = static_cast<std::uint64_t>(tick);
-    input.sample.received_ns = input.now_ns;
-    input.sample.enable = true;
-    input.sample.pose.p = Vec3(0, 0, wall::radius - depth);
+    input.device[0].presence = {.connected = true, .new_client = tick == 1};
+    input.device[0].taken = true;
+    input.device[0].sample.sequence = static_cast<std::uint64_t>(tick);
+    input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.enable = true;
+    input.device[0].sample.pose.p = Vec3(0, 0, wall::radius - depth);
     if (tick == 1000) {
       DeviceTuning twice = tuning_of(d);
       twice.force_scale = 2;

@@ -29,11 +29,11 @@ inline Instrument instrument() {
 inline void make(CondensedProblem& problem, std::uint64_t step, std::int64_t now_ns, double height = 0) {
   problem.step = step;
   problem.published_ns = now_ns;
-  problem.X_ref = {Vec3(0, 0, radius + height), Quat::Identity()};
+  problem.instrument[0].X_ref = {Vec3(0, 0, radius + height), Quat::Identity()};
   problem.renewal = Renewal::renewed;
   problem.topology_changed = false;
   problem.alarm_distance = 1e-3;
-  problem.coupling = {.stiffness = stiffness, .rotational_stiffness = 1};
+  problem.instrument[0].coupling = {.stiffness = stiffness, .rotational_stiffness = 1};
   problem.nodes = 0;
   problem.samples = 1;
   problem.sample[0] = {.id = 1, .node = {-1, -1, -1}, .weight = {0, 0, 0}, .free = Vec3(0, 0, height),

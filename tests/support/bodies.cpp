@@ -39,7 +39,7 @@ WorldSettings contact_world(std::vector<ContactPair> pairs) {
   s.h = 0.02;
   s.alarm_distance = 2e-3;
   s.sample_spacing = 1e-3;
-  s.coupling = {500, 0.05, 0};
+  s.coupling[0] = {500, 0.05, 0};
   s.body_contact.pairs = std::move(pairs);
   return s;
 }

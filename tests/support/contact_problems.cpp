@@ -51,7 +51,7 @@ std::unique_ptr<CondensedProblem> sheet_problem(Random& random, const SheetSetti
   auto problem = std::make_unique<CondensedProblem>();
   problem->step = 1;
   problem->alarm_distance = 0.1 * s.side;
-  problem->coupling = {200.0, 0.02, 2e-3};
+  problem->instrument[0].coupling = {200.0, 0.02, 2e-3};
   problem->nodes = s.nodes * s.nodes;
   for (int j = 0; j < s.nodes; ++j)
     for (int i = 0; i < s.nodes; ++i)

@@ -21,8 +21,9 @@ class ScriptedClient {
   using State = hapticd_msg_DeviceState;
   using Force = hapticd_msg_ForceCommand;
 
-  explicit ScriptedClient(const Participant& participant, std::uint32_t device_id = 0)
-      : writer_(participant), reader_(participant, device_id, ForceReader::Side::client) {
+  // silent: only listens, until told otherwise.
+  explicit ScriptedClient(const Participant& participant, std::uint32_t device_id = 0, bool silent = false)
+      : silent_(silent), writer_(participant), reader_(participant, device_id, ForceReader::Side::client) {
     state_.device_id = device_id;
     state_.orientation[3] = 1;
     state_.position[2] = 0.030;
@@ -65,6 +66,11 @@ class ScriptedClient {
   void enable(bool yes) {
     change([yes](State& s) { s.enable = yes; });
   }
+  // So many states in each millisecond, one behind the other.
+  void flood(int states) {
+    const std::lock_guard lock(sending_);
+    states_ = states;
+  }
   // Moves straight down or up, over so many milliseconds.
   void move_to(double z, int milliseconds) {
     double from = 0;
@@ -106,16 +112,19 @@ class ScriptedClient {
     while (!stopping_) {
       std::this_thread::sleep_until(next += std::chrono::milliseconds(1));
       const std::lock_guard lock(sending_);
-      ++state_.number;
-      if (silent_) continue;
-      State sent = state_;
-      sent.client_time_ns = monotonic_ns();
-      if (bends_ > 0) {
-        --bends_;
-        bend_(sent);
-      }
-      writer_.write(sent);
+      for (int i = 0; i < states_; ++i) send();
     }
+  }
+  void send() {
+    ++state_.number;
+    if (silent_) return;
+    State sent = state_;
+    sent.client_time_ns = monotonic_ns();
+    if (bends_ > 0) {
+      --bends_;
+      bend_(sent);
+    }
+    writer_.write(sent);
   }
   void receive() noexcept {
     std::array<Force, 4> taken;
@@ -130,7 +139,7 @@ class ScriptedClient {
   std::mutex sending_;
   State state_{};
   std::function<void(State&)> bend_;
-  int bends_ = 0;
+  int bends_ = 0, states_ = 1;
   bool silent_ = false;
   mutable std::mutex receiving_;
   std::vector<Force> forces_;

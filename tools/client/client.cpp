@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "haptic/loop.h"
 #include "tools/cli/interrupt.h"
@@ -122,17 +123,33 @@ bool DeviceClient::arm(const DeviceCommand& first) noexcept {
     const std::uint32_t status = status_.load(std::memory_order_relaxed);
     const bool armed =
         !settings_.enable || !(status & (status_disarmed | status_ramping_up | status_latched));
-    if (armed && rounds == rounds_of_phase) return true;
+    const bool ready = armed && rounds == rounds_of_phase;
+    if (due(ready)) return true;
     if (over()) return false;
-    if (now > until) {
+    if (now > until && !(ready && arrived_)) {
       stage_.store(heard_ns_.load() == 0 ? Stage::no_answer : Stage::not_armed);
       return false;
     }
   }
 }
 
+// Whether slots begin with the next point of the grid.
+bool DeviceClient::due(bool ready) noexcept {
+  if (!ready || !settings_.start) return ready;
+  if (!std::exchange(arrived_, true)) settings_.start->arrive(monotonic_ns());
+  const std::int64_t begin = settings_.start->time_ns();
+  return begin > 0 && next_ns_ > begin - period_ns / 2;
+}
+
+// Slot 0 on the grid: the next point, or the one nearest to the common start, which may be over.
+std::int64_t DeviceClient::plan_begin() const noexcept {
+  if (!settings_.start) return next_ns_;
+  const double late = static_cast<double>(next_ns_ - settings_.start->time_ns()) / period_ns;
+  return next_ns_ - std::llround(late) * period_ns;
+}
+
 void DeviceClient::serve(SlotSource& source) noexcept {
-  book_.begin(next_ns_, number_);
+  book_.begin(plan_begin(), number_);
   counting_.store(true, std::memory_order_release);
   stage_.store(Stage::slots);
   const SlotPlan& plan = book_.plan();

@@ -5,6 +5,7 @@
 //             it stays disarmed. From the state ages in the answers the client learns its phase against the
 //             daemon's tick, and moves its own grid, here alone, so that states leave half a period before it.
 //   slots     slot k of the plan at t0 + k ms; a client that wakes too late for a slot skips it (slots.h).
+//             Clients with a common start hold their first poses until all of them are armed.
 //   letting go  20 ms of the last pose, 5 ms without `enable`, then the state is disposed of.
 // State numbers begin at the client's monotonic milliseconds and rise by one per slot, so that a client that is
 // started again never counts backwards. Forces are taken from the first daemon heard (server/dds/force_reader.h);
@@ -28,6 +29,7 @@
 #include "server/dds/dds.h"
 #include "server/dds/force_reader.h"
 #include "server/os/realtime.h"
+#include "tools/client/common_start.h"
 #include "tools/client/slots.h"
 
 namespace hapticd {
@@ -40,6 +42,7 @@ struct ClientSettings {
   int fifo_priority = 50;     // below the daemon's loop (80) and Cyclone's threads (70, 60)
   double match_timeout = 10;  // [s]
   double arm_timeout = 10;    // [s]
+  CommonStart* start = nullptr;  // with other clients, which it outlives
 };
 
 // The device's state in one slot, in the device frame [m].
@@ -91,6 +94,7 @@ class DeviceClient {
   bool complete() const noexcept { return complete_; }  // neither interrupted nor left
 
   // Any time.
+  std::uint32_t device_id() const noexcept { return settings_.device_id; }
   double newest_force() const noexcept { return newest_force_.load(std::memory_order_relaxed); }  // [N]
 
  private:
@@ -103,6 +107,8 @@ class DeviceClient {
   void send(const DeviceCommand& command, std::uint64_t number, bool enable) noexcept;
   void sender(SlotSource& source) noexcept;
   bool arm(const DeviceCommand& first) noexcept;
+  bool due(bool ready) noexcept;
+  std::int64_t plan_begin() const noexcept;
   void serve(SlotSource& source) noexcept;
   void let_go(const DeviceCommand& last) noexcept;
   void check_end() const;
@@ -129,6 +135,7 @@ class DeviceClient {
 
   std::int64_t next_ns_ = 0;  // sender's grid
   std::uint64_t number_ = 0;
+  bool arrived_ = false;  // at the common start
   double phase_shift_us_ = 0;
   Grant grant_;
   bool complete_ = false;

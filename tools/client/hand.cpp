@@ -1,13 +1,16 @@
 // haptic hand: a simulated device and hand that close the loop with a running daemon.
+#include <algorithm>
 #include <cmath>
+#include <deque>
 #include <memory>
+#include <span>
 
 #include "server/files/paths.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/device_reader.h"
 #include "tools/cli/command.h"
 #include "tools/client/hand_source.h"
-#include "tools/client/session.h"
+#include "tools/client/joint_session.h"
 
 namespace hapticd {
 namespace {
@@ -19,7 +22,8 @@ struct HandOptions {
   double delay_ms = 0;
   int substeps = 10;
   std::string device;
-  std::string target;
+  bool two = false;
+  std::vector<std::string> targets;
   LengthUnit units = LengthUnit::metre;
   std::vector<double> press{0.005, 0.01, 1.0};
   std::vector<double> at{0, 0, 0};
@@ -34,10 +38,30 @@ struct TimedScript {
   double duration = 0;
 };
 
-TimedScript press_script(const HandOptions& options) {
+// The numbers of hand i, of `size` numbers a hand; those that are given once are for each.
+std::span<const double> numbers_of(const std::vector<double>& all, std::size_t i, std::size_t size) {
+  return std::span(all).subspan(all.size() > size ? i * size : 0, size);
+}
+
+void check_numbers(const HandOptions& options, std::size_t hands) {
+  const auto check = [hands](const char* name, const std::vector<double>& all, std::size_t size) {
+    if (all.size() != size && all.size() != hands * size)
+      throw UsageError(std::string(name) + ": " + std::to_string(size) + " numbers" +
+                       (hands > 1 ? ", or as many for each hand" : ""));
+  };
+  check("--at", options.at, 3);
+  check("--direction", options.direction, 3);
+  check("--orientation", options.orientation, 4);
+}
+
+TimedScript press_script(const HandOptions& options, std::size_t i) {
+  const auto vector = [i](const std::vector<double>& all) {
+    const std::span<const double> v = numbers_of(all, i, 3);
+    return Vec3(v[0], v[1], v[2]);
+  };
   Press press;
-  press.start = Vec3(options.at[0], options.at[1], options.at[2]);
-  press.direction = Vec3(options.direction[0], options.direction[1], options.direction[2]);
+  press.start = vector(options.at);
+  press.direction = vector(options.direction);
   if (!(press.direction.norm() > 0)) throw UsageError("--direction: must not be zero");
   press.direction.normalize();
   press.depth = options.press[0];
@@ -46,7 +70,7 @@ TimedScript press_script(const HandOptions& options) {
   if (!(press.depth > 0 && press.speed > 0 && press.hold >= 0))
     throw UsageError("--press: depth and speed must be positive, hold not negative");
   DeviceCommand command;
-  const std::vector<double>& q = options.orientation;
+  const std::span<const double> q = numbers_of(options.orientation, i, 4);
   command.pose.q = Quat(q[3], q[0], q[1], q[2]);
   if (std::abs(command.pose.q.norm() - 1) > 1e-2)
     throw UsageError("--orientation: must be a unit quaternion x,y,z,w");
@@ -58,9 +82,12 @@ TimedScript press_script(const HandOptions& options) {
           press.duration() + 0.5};
 }
 
-TimedScript target_script(const HandOptions& options) {
-  const auto path = std::make_shared<const Trajectory>(read_trajectory(options.target, options.units));
-  const double begin = path->begin();
+std::shared_ptr<const Trajectory> read_target(const HandOptions& options, std::size_t i) {
+  return std::make_shared<const Trajectory>(read_trajectory(options.targets[i], options.units));
+}
+
+// begin: the file's time at the start.
+TimedScript target_script(const std::shared_ptr<const Trajectory>& path, double begin) {
   HandScript script;
   script.target = [path, begin](double t) {
     constexpr double half = 5e-4;
@@ -78,15 +105,16 @@ void apply_device(HandOptions& options, const CLI::App& app) {
   const DeviceSettings limits =
       read_device(device_path(options.device, std::filesystem::current_path())).limits;
   if (app.count("--saturation") == 0) options.hand.saturation = limits.max_force;
-  if (app.count("--device-id") == 0) options.session.client.device_id = limits.id;
+  options.session.client.device_id = limits.id;
 }
 
-void report_hand(const HandOptions& options, const HandSource& source, nlohmann::ordered_json& json,
-                 Table& table) {
+void report_hand(const HandOptions& options, const HandSource& source, double duration,
+                 nlohmann::ordered_json& json, Table& table) {
   const HandFigures& f = source.figures();
   const double n = f.substeps > 0 ? static_cast<double>(f.substeps) : 1;
   const double force_rms = std::sqrt(f.force_square_sum / n), error_rms = std::sqrt(f.error_square_sum / n);
   const HandSettings& h = options.hand;
+  json["duration_s"] = rounded(duration, 6);
   json["hand"] = {{"mass_kg", h.mass},         {"stiffness_n_m", h.stiffness},
                   {"damping_ns_m", h.damping}, {"device_damping_ns_m", h.device_damping},
                   {"friction_n", h.friction},  {"quantum_um", 1e6 * h.quantum},
@@ -100,6 +128,8 @@ void report_hand(const HandOptions& options, const HandSource& source, nlohmann:
   // Sign: energy that the server took in through the device's port; below zero it gave more than it took.
   json["energy_absorbed_j"] = f.passivity.energy;
   json["energy_absorbed_min_j"] = f.passivity.minimum;
+  table.emplace_back("hand", fixed(h.mass, 3) + " kg, " + fixed(h.stiffness, 0) + " N/m, " + fixed(h.damping, 1) +
+                                 " N·s/m, " + fixed(duration, 1) + " s");
   table.emplace_back("applied force",
                      "peak " + fixed(f.force_max, 4) + ", RMS " + fixed(force_rms, 4) + " N");
   table.emplace_back("hand off its target",
@@ -107,6 +137,17 @@ void report_hand(const HandOptions& options, const HandSource& source, nlohmann:
   table.emplace_back("energy the server took in", fixed(1e3 * f.passivity.energy, 4) + " mJ, least " +
                                                       fixed(1e3 * f.passivity.minimum, 4) +
                                                       " mJ (below 0: it made energy)");
+}
+
+std::vector<TimedScript> scripts_of(const HandOptions& options, std::size_t hands) {
+  std::vector<TimedScript> scripts;
+  std::vector<std::shared_ptr<const Trajectory>> paths;
+  for (std::size_t i = 0; i < options.targets.size(); ++i) paths.push_back(read_target(options, i));
+  double begin = paths.empty() ? 0 : paths[0]->begin();
+  for (const auto& path : paths) begin = std::min(begin, path->begin());
+  for (std::size_t i = 0; i < hands; ++i)
+    scripts.push_back(paths.empty() ? press_script(options, i) : target_script(paths[i], begin));
+  return scripts;
 }
 
 int hand(HandOptions& options, const CLI::App& app) {
@@ -118,20 +159,38 @@ int hand(HandOptions& options, const CLI::App& app) {
   } catch (const std::invalid_argument& error) {
     throw UsageError(error.what());
   }
-  TimedScript timed = options.target.empty() ? press_script(options) : target_script(options);
-  const double duration = options.duration > 0 ? options.duration : timed.duration;
-  prepare(options.session, options.target);
+  const std::size_t hands = options.two ? 2 : 1;
+  if (!options.targets.empty() && options.targets.size() != hands)
+    throw UsageError("--target: one file a hand");
+  check_numbers(options, hands);
+  std::vector<TimedScript> scripts = scripts_of(options, hands);
+  std::vector<std::string> inputs = options.targets;
+  inputs.resize(hands);
+  prepare(options.session, inputs);
 
-  HandSource source(options.hand, std::move(timed.script), options.substeps);
-  Session session(options.session, 1 + static_cast<std::int64_t>(std::floor(1e3 * duration + 1e-6)));
-  run(session, source, "hand");
-
+  std::deque<HandSource> sources;
+  std::vector<SlotSource*> played;
+  std::vector<std::int64_t> slots;
+  std::vector<double> duration;
+  for (TimedScript& timed : scripts) {
+    duration.push_back(options.duration > 0 ? options.duration : timed.duration);
+    slots.push_back(1 + static_cast<std::int64_t>(std::floor(1e3 * duration.back() + 1e-6)));
+    played.push_back(&sources.emplace_back(options.hand, std::move(timed.script), options.substeps));
+  }
   nlohmann::ordered_json json;
   json["command"] = "hand";
-  json["duration_s"] = rounded(duration, 6);
-  Table table{{"hand", fixed(options.hand.mass, 3) + " kg, " + fixed(options.hand.stiffness, 0) + " N/m, " +
-                           fixed(options.hand.damping, 1) + " N·s/m, " + fixed(duration, 1) + " s"}};
-  report_hand(options, source, json, table);
+  Table table;
+  if (options.two) {
+    JointSession session(options.session, hands, {});
+    session.check_outputs(inputs);
+    session.run(played, slots, "hands");
+    return session.finish(json, table, [&](std::size_t i, nlohmann::ordered_json& of, Table& rows) {
+      report_hand(options, sources[i], duration[i], of, rows);
+    });
+  }
+  Session session(options.session, slots[0]);
+  run(session, sources[0], "hand");
+  report_hand(options, sources[0], duration[0], json, table);
   report(session, options.session, json, table);
   return finish(session, options.session, json, table);
 }
@@ -156,25 +215,28 @@ Command add_hand(CLI::App& application) {
   number("--saturation", options->hand.saturation, "largest force of the motors [N], 0: unlimited");
   app->add_option("--device", options->device, "saturation and id of this device (config/devices)")
       ->type_name("NAME|FILE");
-  CLI::Option* target =
-      app->add_option("--target", options->target, "the hand follows this CSV")->type_name("FILE");
+  app->add_flag("--two", options->two,
+                "two hands at once, with the devices of the scene's first two instruments, or --device-id ID,ID");
+  CLI::Option* target = app->add_option("--target", options->targets, "the hand follows this CSV; two: one each")
+                            ->expected(1, 2)
+                            ->type_name("FILE");
   add_units_option(*app, options->units, "length unit of the target file");
   app->add_option("--press", options->press, "the hand presses: depth [m], speed [m/s], hold [s]")
       ->delimiter(',')
       ->expected(1, 3)
       ->excludes(target)
       ->type_name("DEPTH[,SPEED[,HOLD]]");
-  app->add_option("--at", options->at, "where a press begins, device frame [m]")
+  app->add_option("--at", options->at, "where a press begins, device frame [m]; of two hands the same, or six numbers")
       ->delimiter(',')
-      ->expected(3)
+      ->expected(3, 6)
       ->type_name("X,Y,Z");
-  app->add_option("--direction", options->direction, "of a press, device frame")
+  app->add_option("--direction", options->direction, "of a press, device frame; as --at")
       ->delimiter(',')
-      ->expected(3)
+      ->expected(3, 6)
       ->type_name("X,Y,Z");
-  app->add_option("--orientation", options->orientation, "of the stylus in a press")
+  app->add_option("--orientation", options->orientation, "of the stylus in a press; as --at")
       ->delimiter(',')
-      ->expected(4)
+      ->expected(4, 8)
       ->type_name("QX,QY,QZ,QW");
   app->add_option("--buttons", options->buttons, "held in a press; 1: phaco pedal, 2: aspiration, 3: both");
   app->add_option("--substeps", options->substeps, "integration steps per millisecond")
@@ -185,6 +247,7 @@ Command add_hand(CLI::App& application) {
   add_session_options(*app, options->session);
   app->footer(
       "Energy is counted at the device's port and positive where the server took it in.\n"
+      "Example: haptic hand --two --target sculpt.csv hold.csv --device touch --json figures.json\n"
       "Example: haptic hand --device touch --at 0,0,0.03 --press 0.01,0.02,1 --quantum 55 --json "
       "figures.json");
   return {app, [app, options] { return hand(*options, *app); }};

@@ -1,7 +1,6 @@
 #include "tools/client/monitor.h"
 
 #include <algorithm>
-#include <cctype>
 #include <stdexcept>
 
 #include "haptic/loop.h"
@@ -15,12 +14,6 @@ std::vector<Vec3> points(const float* xyz, std::uint32_t length) {
   std::vector<Vec3> result;
   for (std::uint32_t i = 0; i + 2 < length; i += 3) result.emplace_back(xyz[i], xyz[i + 1], xyz[i + 2]);
   return result;
-}
-
-std::string as_file_name(std::string name) {
-  for (char& c : name)
-    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-') c = '_';
-  return name;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A recording played to a scene without DDS or clock: the daemon in virtual time
+// Recordings played to a scene, one a device, without DDS or clock: the daemon in virtual time
 // (server/schedule/virtual_daemon.h), with everything a device feels: arming, ramp, watchdog, limits, blend,
 // pedals.
 //
@@ -13,6 +13,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "haptic/loop.h"
 #include "physics/simulation/world.h"
@@ -22,11 +23,11 @@
 
 namespace hapticd {
 
-// A tick as it was answered.
+// A tick as it was answered, by instrument.
 struct ReplayedTick {
   std::int64_t slot = 0;  // negative while arming
-  DeviceCommand command;
-  ForceRecord record;
+  EachInstrument<DeviceCommand> command;
+  EachInstrument<ForceRecord> record;
   std::uint32_t removed = 0;  // tetrahedra so far
 };
 
@@ -35,8 +36,7 @@ struct ReplayedStep {
   std::int64_t slot = 0;  // of the tick that first uses it
   const World& world;
   const StepReport& report;
-  const ForceSample& force;                   // the newest
-  const Pose& instrument;                     // in the scene, of the newest tick
+  const ReplayedTick& newest;                 // tick
   const std::vector<ContactForce>& contacts;  // … as it solved them
   std::uint32_t removed = 0;
 };
@@ -46,9 +46,10 @@ struct ReplaySinks {
   std::function<void(const ReplayedStep&)> step;
 };
 
-// Asks the source for slots 0 … slots − 1. A state that the watchdog refuses (faster than the device's
-// max_speed) is as if it had not come, and is in the tick's status. Ends early when interrupted
-// (interrupt.h), returning false.
-bool replay_offline(const Scene& scene, SlotSource& source, std::int64_t slots, const ReplaySinks& sinks);
+// Asks each source for slots 0 … slots − 1. sources: one an instrument, in their order; an instrument beyond
+// them has no client. A state that the watchdog refuses (faster than the device's max_speed) is as if it had
+// not come, and is in the tick's status. Ends early when interrupted (interrupt.h), returning false.
+bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources, std::int64_t slots,
+                    const ReplaySinks& sinks);
 
 }  // namespace hapticd

@@ -1,11 +1,15 @@
 // haptic replay: plays a recorded or scripted motion as a device.
+#include <algorithm>
 #include <cmath>
+#include <deque>
 #include <memory>
+#include <optional>
 
 #include "server/record/bag_reader.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_reader.h"
 #include "tools/cli/command.h"
+#include "tools/client/joint_session.h"
 #include "tools/client/recording.h"
 #include "tools/client/replay_offline.h"
 #include "tools/client/replay_schedule.h"
@@ -18,7 +22,7 @@ constexpr double max_duration = 3600;  // [s]; every slot is kept in memory
 
 struct ReplayOptions {
   SessionOptions session;
-  std::string file;
+  std::vector<std::string> files;
   LengthUnit units = LengthUnit::metre;
   bool centre = false;
   double scale = 1;
@@ -33,18 +37,21 @@ struct ReplayOptions {
 
 class ReplaySource final : public SlotSource {
  public:
-  ReplaySource(const Trajectory& trajectory, double speed) : trajectory_(trajectory), speed_(speed) {}
+  ReplaySource(const Trajectory& trajectory, double speed)
+      : ReplaySource(trajectory, speed, trajectory.begin()) {}
+  // begin: the file's time in slot 0.
+  ReplaySource(const Trajectory& trajectory, double speed, double begin)
+      : trajectory_(trajectory), speed_(speed), begin_(begin) {}
 
-  DeviceCommand first() const noexcept override { return command_at(trajectory_.begin(), 0); }
+  DeviceCommand first() const noexcept override { return command_at(begin_, 0); }
   // A late slot sends the pose of its intended time, so that a stall of the client does not bend the motion.
   DeviceCommand at(std::int64_t k, std::int64_t, const NewestForce&, bool) noexcept override {
     // A quotient, so that a recording's own samples at whole milliseconds are met exactly.
-    const double t = trajectory_.begin() + speed_ * (static_cast<double>(k) / 1e3);
+    const double t = begin_ + speed_ * (static_cast<double>(k) / 1e3);
     return command_at(t, buttons_at(trajectory_, t));
   }
   std::int64_t slots() const noexcept {
-    return 1 + static_cast<std::int64_t>(
-                   std::floor(1e3 * (trajectory_.end() - trajectory_.begin()) / speed_ + 1e-6));
+    return 1 + static_cast<std::int64_t>(std::floor(1e3 * (trajectory_.end() - begin_) / speed_ + 1e-6));
   }
 
  private:
@@ -53,37 +60,21 @@ class ReplaySource final : public SlotSource {
   }
 
   const Trajectory& trajectory_;
-  double speed_;
+  double speed_, begin_;
 };
 
-Trajectory read(ReplayOptions& options, bool device_id_given) {
-  Trajectory trajectory = is_bag(options.file) ? read_bag(options.file, options.topic, options.units)
-                                               : read_trajectory(options.file, options.units);
-  if (!options.from_scene.empty()) {
-    const Scene scene = read_scene(options.from_scene);
-    trajectory = from_scene(scene.device, trajectory);
-    if (!device_id_given) options.session.client.device_id = scene.device.id;
-  }
+// device: whose scene the file's coordinates are; null: the file's are the device's.
+Trajectory read(const ReplayOptions& options, const std::string& file, const DeviceSettings* device) {
+  Trajectory trajectory =
+      is_bag(file) ? read_bag(file, options.topic, options.units) : read_trajectory(file, options.units);
+  if (device) trajectory = from_scene(*device, trajectory);
   if (options.centre) trajectory = centred(trajectory);
   return options.scale == 1 ? trajectory : scaled(trajectory, options.scale);
 }
 
-int replay_without_daemon(const ReplayOptions& options, ReplaySource& source, nlohmann::ordered_json& json,
-                          Table& table) {
-  const std::string file = options.scene.empty() ? options.from_scene : options.scene;
-  if (file.empty()) throw UsageError("--offline needs a scene: --scene SCENE.yaml, or --from-scene");
-  const Scene scene = read_scene(file);
-  const bool done = run_offline_replay(
-      scene, source, source.slots(),
-      {options.session.forces, options.record, options.vtk, options.allow_refused}, json, table);
-  if (!options.session.json.empty()) write_json(options.session.json, json);
-  print(table);
-  return done ? 0 : 1;
-}
-
 int reproduce(ReplayOptions& options) {
-  if (!options.file.empty()) throw UsageError("a motion and --schedule: a schedule has its own");
-  prepare(options.session, options.schedule);
+  if (!options.files.empty()) throw UsageError("a motion and --schedule: a schedule has its own");
+  prepare(options.session, {options.schedule});
   nlohmann::ordered_json json;
   json["command"] = "replay";
   json["file"] = options.schedule;
@@ -94,29 +85,161 @@ int reproduce(ReplayOptions& options) {
   return same ? 0 : 1;
 }
 
-int replay(ReplayOptions& options, bool device_id_given) {
-  if (!options.schedule.empty()) return reproduce(options);
-  if (options.file.empty()) throw UsageError("FILE is required, or --offline --schedule FILE");
-  const Trajectory trajectory = read(options, device_id_given);
-  const double duration = (trajectory.end() - trajectory.begin()) / options.speed;
+// Returns the duration.
+double checked_duration(const std::string& file, double duration) {
   if (duration > max_duration)
-    throw UsageError(options.file + ": lasts " + fixed(duration, 0) + " s; at most " +
-                     fixed(max_duration, 0) + " s can be replayed in one run");
-  options.session.client.enable = !options.no_enable;
-  prepare(options.session, options.file);
+    throw UsageError(file + ": lasts " + fixed(duration, 0) + " s; at most " + fixed(max_duration, 0) +
+                     " s can be replayed in one run");
+  return duration;
+}
+
+void describe(const std::string& file, const Trajectory& trajectory, double speed, double duration,
+              nlohmann::ordered_json& json, Table& table) {
+  json["file"] = file;
+  json["samples"] = trajectory.samples.size();
+  json["duration_s"] = rounded(duration, 6);
+  json["largest_speed_m_s"] = largest_speed(trajectory) * speed;
+  table.emplace_back("recording", file + ", " + std::to_string(trajectory.samples.size()) + " samples, " +
+                                      fixed(duration, 1) + " s, at most " +
+                                      fixed(1e3 * largest_speed(trajectory) * speed, 1) + " mm/s");
+}
+
+// Motions on one time axis.
+struct Motions {
+  std::vector<Trajectory> of;  // device
+  double begin = 0, end = 0;   // of the earliest, of the latest [s]
+};
+
+// scene: whose coordinates the files are in; null: the devices'.
+Motions read_all(const ReplayOptions& options, const std::vector<std::string>& files, const Scene* scene) {
+  if (scene && scene->instruments.size() < files.size())
+    throw UsageError(options.from_scene + ": has fewer instruments than there are recordings");
+  Motions motions;
+  for (std::size_t i = 0; i < files.size(); ++i)
+    motions.of.push_back(read(options, files[i], scene ? &scene->instruments[i].device : nullptr));
+  motions.begin = motions.of[0].begin();
+  motions.end = motions.of[0].end();
+  for (const Trajectory& m : motions.of) {
+    motions.begin = std::min(motions.begin, m.begin());
+    motions.end = std::max(motions.end, m.end());
+  }
+  return motions;
+}
+
+std::optional<Scene> mapping(const ReplayOptions& options) {
+  if (options.from_scene.empty()) return std::nullopt;
+  return read_scene(options.from_scene);
+}
+
+// The recordings in the order of the scene's instruments, or without any the scene's own.
+std::vector<std::string> offline_files(const ReplayOptions& options, const Scene& scene) {
+  std::vector<std::string> files = options.files;
+  if (files.size() > scene.instruments.size())
+    throw UsageError(std::to_string(files.size()) + " recordings for " +
+                     std::to_string(scene.instruments.size()) + " instruments: at most one for each");
+  if (!files.empty()) return files;
+  for (const SceneInstrument& held : scene.instruments) {
+    if (!held.trajectory)
+      throw UsageError(scene.file.string() + ": '" + held.name +
+                       "' has no trajectory: name a FILE for each instrument");
+    files.push_back(held.trajectory->string());
+  }
+  return files;
+}
+
+int replay_without_daemon(ReplayOptions& options) {
+  const std::string file = options.scene.empty() ? options.from_scene : options.scene;
+  if (file.empty()) throw UsageError("--offline needs a scene: --scene SCENE.yaml, or --from-scene");
+  const Scene scene = read_scene(file);
+  const std::vector<std::string> files = offline_files(options, scene);
+  const std::optional<Scene> from = mapping(options);
+  const Motions motions = read_all(options, files, from ? &*from : nullptr);
+  const double duration = checked_duration(files[0], (motions.end - motions.begin) / options.speed);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    SessionOptions of_instrument = options.session;
+    of_instrument.forces = file_of_instrument(options.session.forces, scene, i);
+    prepare(of_instrument, files);
+  }
   OutputRule(options.session.force).require_folder_without("--vtk", options.vtk, "");
+
+  std::deque<ReplaySource> sources;
+  std::vector<SlotSource*> played;
+  std::int64_t slots = 0;
+  nlohmann::ordered_json json;
+  json["command"] = "replay";
+  if (files.size() > 1) json["duration_s"] = rounded(duration, 6);
+  Table table;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const Trajectory& m = motions.of[i];
+    played.push_back(&sources.emplace_back(m, options.speed, motions.begin));
+    slots = std::max(slots, sources.back().slots());
+    nlohmann::ordered_json of;
+    describe(files[i], m, options.speed, (m.end() - m.begin()) / options.speed, of, table);
+    if (files.size() == 1)
+      json.update(of);
+    else
+      json["devices"].push_back(std::move(of));
+  }
+  const bool done = run_offline_replay(
+      scene, played, slots, {options.session.forces, options.record, options.vtk, options.allow_refused},
+      json, table);
+  if (!options.session.json.empty()) write_json(options.session.json, json);
+  print(table);
+  return done ? 0 : 1;
+}
+
+// Several recordings with one time axis, each as a device (joint_session.h).
+int replay_together(ReplayOptions& options) {
+  const std::vector<std::string>& files = options.files;
+  if (files.size() > max_instruments)
+    throw UsageError("at most " + std::to_string(max_instruments) + " recordings are played at once");
+  const std::optional<Scene> scene = mapping(options);
+  const Motions motions = read_all(options, files, scene ? &*scene : nullptr);
+  std::vector<HeardInstrument> instruments;
+  for (std::size_t i = 0; scene && i < files.size(); ++i)
+    instruments.push_back({scene->instruments[i].name, scene->instruments[i].device.id});
+  const double duration = checked_duration(files[0], (motions.end - motions.begin) / options.speed);
+  options.session.client.enable = !options.no_enable;
+  prepare(options.session, files);
+
+  std::deque<ReplaySource> sources;
+  std::vector<SlotSource*> played;
+  std::vector<std::int64_t> slots;
+  for (const Trajectory& m : motions.of) {
+    played.push_back(&sources.emplace_back(m, options.speed, motions.begin));
+    slots.push_back(sources.back().slots());
+  }
+  JointSession session(options.session, files.size(), instruments);
+  session.check_outputs(files);
+  session.run(played, slots, "replay");
+  nlohmann::ordered_json json;
+  json["command"] = "replay";
+  json["duration_s"] = rounded(duration, 6);
+  Table table;
+  return session.finish(json, table, [&](std::size_t i, nlohmann::ordered_json& of, Table& rows) {
+    const Trajectory& m = motions.of[i];
+    describe(files[i], m, options.speed, (m.end() - m.begin()) / options.speed, of, rows);
+  });
+}
+
+int replay(ReplayOptions& options) {
+  if (!options.schedule.empty()) return reproduce(options);
+  if (options.offline) return replay_without_daemon(options);
+  if (options.files.empty()) throw UsageError("FILE is required, or --offline with a scene or a schedule");
+  if (options.files.size() > 1) return replay_together(options);
+  const std::string& file = options.files.front();
+  const std::optional<Scene> scene = mapping(options);
+  if (scene) options.session.client.device_id = scene->first().device.id;
+  const Trajectory trajectory = read(options, file, scene ? &scene->first().device : nullptr);
+  const double duration = checked_duration(file, (trajectory.end() - trajectory.begin()) / options.speed);
+  options.session.client.enable = !options.no_enable;
+  prepare(options.session, options.files);
 
   ReplaySource source(trajectory, options.speed);
   nlohmann::ordered_json json;
   json["command"] = "replay";
-  json["file"] = options.file;
-  json["samples"] = trajectory.samples.size();
-  json["duration_s"] = rounded(duration, 6);
-  json["largest_speed_m_s"] = largest_speed(trajectory) * options.speed;
-  Table table{{"recording", options.file + ", " + std::to_string(trajectory.samples.size()) + " samples, " +
-                                fixed(duration, 1) + " s, at most " +
-                                fixed(1e3 * largest_speed(trajectory) * options.speed, 1) + " mm/s"}};
-  if (options.offline) return replay_without_daemon(options, source, json, table);
+  Table table;
+  describe(file, trajectory, options.speed, duration, json, table);
   Session session(options.session, source.slots());
   run(session, source, "replay");
   report(session, options.session, json, table);
@@ -130,8 +253,11 @@ Command add_replay(CLI::App& application) {
   CLI::App* app = application.add_subcommand(
       "replay",
       "Plays a recording as a device at 1 kHz, by the file's own time stamps, and times the answers.");
-  app->add_option("FILE", options->file,
-                  "CSV: t,px,py,pz,qx,qy,qz,qw[,buttons]; or a rosbag2 directory or .db3")
+  app->add_option(
+         "FILE", options->files,
+         "CSV: t,px,py,pz,qx,qy,qz,qw[,buttons]; or a rosbag2 directory or .db3. Several, with one time "
+         "axis, are the devices of the scene's instruments in their order, or those of --device-id. Offline "
+         "without any: the scene's own")
       ->type_name("");
   app->add_option("--topic", options->topic, "of a rosbag2: which of its topics with poses");
   add_units_option(*app, options->units, "length unit of the file");
@@ -174,8 +300,10 @@ Command add_replay(CLI::App& application) {
   app->footer(
       "Positions are in the device's frame, as recorded, unless --centre, --scale or --from-scene map them.\n"
       "Example: haptic replay ../shared/data/trajectories/cataract_training_01.csv --json figures.json\n"
-      "Example: haptic replay recording --offline --scene scene.yaml --forces forces.csv");
-  return {app, [app, options] { return replay(*options, app->count("--device-id") > 0); }};
+      "Example: haptic replay sculpt.csv hold.csv --forces forces.csv   (and forces.NAME.csv of the second)\n"
+      "Example: haptic replay recording --offline --scene scene.yaml --forces forces.csv\n"
+      "Example: haptic replay --offline --scene two_hands.yaml --forces forces.csv   (its own motions)");
+  return {app, [options] { return replay(*options); }};
 }
 
 }  // namespace hapticd

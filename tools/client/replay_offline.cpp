@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "server/files/output_file.h"
 #include "server/record/device_bag.h"
 #include "tools/client/force_row.h"
 #include "tools/client/offline_replay.h"
@@ -14,11 +15,11 @@
 namespace hapticd {
 namespace {
 
-ForceRow row_of(const ReplayedTick& tick) {
-  const ForceSample& f = tick.record.force;
+ForceRow row_of(const ReplayedTick& tick, int device) {
+  const ForceSample& f = tick.record[device].force;
   ForceRow row;
   row.slot = tick.slot;
-  row.sent = tick.command;
+  row.sent = tick.command[device];
   row.force = f.force;
   row.torque = f.torque;
   row.status = f.status;
@@ -36,10 +37,9 @@ class Refusals {
  public:
   explicit Refusals(double max_speed) : max_speed_(max_speed) {}
 
-  void note(const ReplayedTick& tick) {
-    const Vec3 p = tick.command.pose.p;
-    if (tick.record.force.status & status_rejected) {
-      if (count_++ == 0) first_slot_ = tick.slot;
+  void note(std::int64_t slot, const Vec3& p, std::uint32_t status) {
+    if (status & status_rejected) {
+      if (count_++ == 0) first_slot_ = slot;
       fastest_ = std::max(fastest_, 1e3 * (p - before_).norm());
     }
     before_ = p;
@@ -63,8 +63,9 @@ constexpr double frames_per_second = 25;
 
 class Frames {
  public:
-  Frames(const Scene& scene, const std::filesystem::path& directory)
+  Frames(const Scene& scene, std::size_t devices, const std::filesystem::path& directory)
       : scene_(scene),
+        devices_(static_cast<int>(devices)),
         series_(directory),
         every_(std::max(1, static_cast<int>(scene.rate / frames_per_second))) {}
 
@@ -80,9 +81,14 @@ class Frames {
       }
       bodies.push_back(out);
     }
-    const DeviceSettings& d = scene_.device;
-    series_.add(1e-3 * static_cast<double>(step.slot), bodies,
-                {step.instrument.p, d.frame * step.force.force / d.force_scale, step.contacts});
+    VtkContact contact;
+    contact.contacts = step.contacts;
+    for (int i = 0; i < devices_; ++i) {
+      const DeviceSettings& d = scene_.instruments[static_cast<std::size_t>(i)].device;
+      const ForceRecord& record = step.newest.record[i];
+      contact.instruments.push_back({record.instrument.X.p, d.frame * record.force.force / d.force_scale});
+    }
+    series_.add(1e-3 * static_cast<double>(step.slot), bodies, contact);
   }
   int finish() const {
     series_.finish();
@@ -91,81 +97,158 @@ class Frames {
 
  private:
   const Scene& scene_;
+  const int devices_;
   VtkSeries series_;
   const int every_;
   int steps_ = 0;
 };
 
+// One device's ticks, and what they leave.
+class DeviceTrace {
+ public:
+  DeviceTrace(const Scene& scene, int device, const OfflineOutputs& outputs)
+      : of_(scene.instruments[static_cast<std::size_t>(device)]),
+        device_(device),
+        keeps_forces_(!outputs.forces.empty()),
+        refused_(of_.device.max_speed) {
+    if (outputs.record.empty()) return;
+    const std::string folder = file_of_instrument(outputs.record, scene, static_cast<std::size_t>(device));
+    bag_.emplace(folder, of_.device.id, 0);  // there is no clock whose time stamps could be
+  }
+
+  void note(const ReplayedTick& tick) {
+    if (keeps_forces_) append(csv_, row_of(tick, device_));
+    if (bag_) bag_->note(tick.record[device_]);
+    if (bag_ && tick.slot % 1000 == 999) bag_->commit();
+    const ForceSample& f = tick.record[device_].force;
+    refused_.note(tick.slot, tick.command[device_].pose.p, f.status);
+    peak_ = std::max(peak_, f.force.norm());
+    penetration_ = std::max(penetration_, f.penetration);
+    in_contact_ += f.active > 0;
+    not_finite_ += (f.status & status_not_finite) != 0;
+    capped_ += (f.status & status_solver_cap) != 0;
+    status_ |= f.status;
+  }
+
+  void close() {
+    if (!bag_) return;
+    bag_->close();
+    if (bag_->bag().failed())
+      throw std::runtime_error("the recording lost " + std::to_string(bag_->bag().lost()) +
+                               " messages: " + bag_->bag().failure());
+  }
+
+  void figures(std::int64_t slots, nlohmann::ordered_json& json) const {
+    json["force_peak_n"] = peak_;
+    json["penetration_max_um"] = 1e6 * penetration_;
+    json["contact_share"] = rounded(static_cast<double>(in_contact_) / static_cast<double>(slots), 5);
+  }
+  void counts(nlohmann::ordered_json& json) const {
+    json["not_finite"] = not_finite_;
+    json["states_refused"] = refused_.count();
+    json["solver_caps"] = capped_;
+    json["status_seen"] = status_;
+    json["status_seen_text"] = status_text(status_);
+  }
+
+  const SceneInstrument& instrument() const { return of_; }
+  const std::string& csv() const { return csv_; }
+  double peak() const { return peak_; }
+  std::uint32_t status() const { return status_; }
+  std::int64_t not_finite() const { return not_finite_; }
+  const Refusals& refused() const { return refused_; }
+  std::size_t recorded() const { return bag_ ? bag_->bag().kept() : 0; }
+
+ private:
+  const SceneInstrument& of_;
+  const int device_;
+  const bool keeps_forces_;
+  std::string csv_ = force_row_header;
+  std::optional<DeviceBag> bag_;
+  Refusals refused_;
+  double peak_ = 0, penetration_ = 0;
+  std::int64_t in_contact_ = 0, not_finite_ = 0, capped_ = 0;
+  std::uint32_t status_ = 0;
+};
+
+std::string whose(const DeviceTrace& trace, bool several) {
+  return several ? trace.instrument().name + ": " : "";
+}
+
+void tabulate_status(const DeviceTrace& trace, const std::string& whose, const OfflineOutputs& outputs,
+                     Table& table) {
+  table.emplace_back(whose + "status bits seen", status_text(trace.status()));
+  if (trace.refused().count() == 0) return;
+  table.emplace_back(whose + "states refused", trace.refused().text());
+  if (!outputs.allow_refused)
+    std::fprintf(stderr, "haptic: %s%s: these are not the recorded forces (--allow-refused: exit code 0)\n",
+                 whose.c_str(), trace.refused().text().c_str());
+}
+
 }  // namespace
 
-bool run_offline_replay(const Scene& scene, SlotSource& source, std::int64_t slots,
-                        const OfflineOutputs& outputs, nlohmann::ordered_json& json, Table& table) {
-  std::string csv = force_row_header;
-  std::optional<DeviceBag> bag;
-  std::optional<Frames> frames;
-  // Stamps count from 1970: there is no clock whose time they could be.
-  if (!outputs.record.empty()) bag.emplace(outputs.record, scene.device.id, 0);
-  if (!outputs.vtk.empty()) frames.emplace(scene, outputs.vtk);
+std::string file_of_instrument(const std::string& file, const Scene& scene, std::size_t instrument) {
+  if (file.empty()) return file;
+  std::vector<std::string> names;
+  for (const SceneInstrument& held : scene.instruments) names.push_back(held.name);
+  return one_file_each(file, names)[instrument].string();
+}
 
-  double peak = 0, penetration = 0;
-  std::int64_t in_contact = 0, not_finite = 0, capped = 0;
-  Refusals refused(scene.device.max_speed);
-  std::uint32_t removed = 0, status = 0;
+bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sources, std::int64_t slots,
+                        const OfflineOutputs& outputs, nlohmann::ordered_json& json, Table& table) {
+  std::vector<std::unique_ptr<DeviceTrace>> devices;
+  for (std::size_t i = 0; i < sources.size(); ++i)
+    devices.push_back(std::make_unique<DeviceTrace>(scene, static_cast<int>(i), outputs));
+  std::optional<Frames> frames;
+  if (!outputs.vtk.empty()) frames.emplace(scene, sources.size(), outputs.vtk);
+
+  std::uint32_t removed = 0;
   ReplaySinks sinks;
   sinks.tick = [&](const ReplayedTick& tick) {
     if (tick.slot < 0) return;
-    append(csv, row_of(tick));
-    if (bag) bag->note(tick.record);
-    if (bag && tick.slot % 1000 == 999) bag->commit();
-    const ForceSample& f = tick.record.force;
-    refused.note(tick);
-    peak = std::max(peak, f.force.norm());
-    penetration = std::max(penetration, f.penetration);
-    in_contact += f.active > 0;
-    not_finite += (f.status & status_not_finite) != 0;
-    capped += (f.status & status_solver_cap) != 0;
-    status |= f.status;
+    for (const auto& device : devices) device->note(tick);
     removed = tick.removed;
   };
   if (frames) sinks.step = [&](const ReplayedStep& step) { frames->add(step); };
-  const bool complete = replay_offline(scene, source, slots, sinks);
+  const bool complete = replay_offline(scene, sources, slots, sinks);
 
-  if (bag) bag->close();
-  if (bag && bag->bag().failed())
-    throw std::runtime_error("the recording lost " + std::to_string(bag->bag().lost()) +
-                             " messages: " + bag->bag().failure());
-  if (!outputs.forces.empty()) write_file(outputs.forces, csv);
+  const bool several = devices.size() > 1;
+  bool sound = true;
+  std::size_t recorded = 0;
+  for (std::size_t i = 0; i < devices.size(); ++i) {
+    DeviceTrace& d = *devices[i];
+    d.close();
+    if (!outputs.forces.empty()) write_file(file_of_instrument(outputs.forces, scene, i), d.csv());
+    sound = sound && d.not_finite() == 0 && (d.refused().count() == 0 || outputs.allow_refused);
+    recorded += d.recorded();
+  }
   json["scene"] = scene.name;
   json["complete"] = complete;
   json["slots"] = slots;
-  json["force_peak_n"] = peak;
-  json["penetration_max_um"] = 1e6 * penetration;
-  json["contact_share"] = rounded(static_cast<double>(in_contact) / static_cast<double>(slots), 5);
+  if (!several) devices[0]->figures(slots, json);
   json["elements_removed"] = removed;
-  json["not_finite"] = not_finite;
-  json["states_refused"] = refused.count();
-  json["solver_caps"] = capped;
-  json["status_seen"] = status;
-  json["status_seen_text"] = status_text(status);
+  if (!several) devices[0]->counts(json);
+  for (std::size_t i = 0; several && i < devices.size(); ++i) {
+    nlohmann::ordered_json& of = json["devices"][i];  // where its motion is
+    of["instrument"] = devices[i]->instrument().name;
+    of["device_id"] = devices[i]->instrument().device.id;
+    devices[i]->figures(slots, of);
+    devices[i]->counts(of);
+  }
   table.emplace_back("scene", scene.name + ", offline");
-  table.emplace_back("force, peak", fixed(peak, 4) + " N");
+  for (const auto& device : devices)
+    table.emplace_back(whose(*device, several) + "force, peak", fixed(device->peak(), 4) + " N");
   table.emplace_back("elements removed", std::to_string(removed));
-  table.emplace_back("status bits seen", status_text(status));
-  if (bag) {
-    json["messages_recorded"] = bag->bag().kept();
-    table.emplace_back("recorded", std::to_string(bag->bag().kept()) + " messages in " + outputs.record);
+  for (const auto& device : devices) tabulate_status(*device, whose(*device, several), outputs, table);
+  if (!outputs.record.empty()) {
+    json["messages_recorded"] = recorded;
+    table.emplace_back("recorded", std::to_string(recorded) + " messages in " + outputs.record);
   }
   if (frames) {
     json["frames"] = frames->finish();
     table.emplace_back("frames", json["frames"].dump() + " in " + outputs.vtk + "/scene.pvd");
   }
-  if (refused.count() > 0) {
-    table.emplace_back("states refused", refused.text());
-    if (!outputs.allow_refused)
-      std::fprintf(stderr, "haptic: %s: these are not the recorded forces (--allow-refused: exit code 0)\n",
-                   refused.text().c_str());
-  }
-  return complete && not_finite == 0 && (refused.count() == 0 || outputs.allow_refused);
+  return complete && sound;
 }
 
 }  // namespace hapticd

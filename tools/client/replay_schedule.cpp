@@ -9,15 +9,17 @@
 #include "tools/cli/interrupt.h"
 #include "tools/cli/progress.h"
 #include "tools/client/force_row.h"
+#include "tools/client/replay_offline.h"
 
 namespace hapticd {
 namespace {
 
-ForceRow row_of(const ReproducedTick& tick, std::int64_t slot) {
-  const ForceSample& f = tick.force;
+ForceRow row_of(const ReproducedTick& tick, int device, std::int64_t slot) {
+  const ForceSample& f = tick.force[device];
+  const DeviceSample& sent = tick.live.device[device].input.sample;
   ForceRow row;
   row.slot = slot;
-  row.sent = {tick.live.sample.pose, tick.live.sample.buttons};
+  row.sent = {sent.pose, sent.buttons};
   row.force = f.force;
   row.torque = f.torque;
   row.status = f.status;
@@ -28,6 +30,11 @@ ForceRow row_of(const ReproducedTick& tick, std::int64_t slot) {
   row.penetration_um = 1e6 * f.penetration;
   return row;
 }
+
+struct Device {
+  std::string csv = force_row_header;
+  double peak = 0, off = 0;  // [N]
+};
 
 std::string newtons(double f) {
   char text[32];
@@ -42,21 +49,26 @@ bool run_schedule_replay(const std::string& file, const std::string& scene_file,
   const Schedule schedule = read_schedule(file);
   const Scene scene =
       as_run(schedule, read_scene(scene_file.empty() ? scene_of(schedule).string() : scene_file));
-  std::string csv = force_row_header;
+  const std::size_t devices = scene.instruments.size();
+  std::vector<Device> of(devices);
   Progress progress("schedule");
   bool stopped = false;
-  double peak = 0;
   std::size_t done = 0;
   const Reproduction r = replay_schedule(scene, schedule, [&](const ReproducedTick& tick) {
-    if (!forces.empty()) append(csv, row_of(tick, static_cast<std::int64_t>(done)));
-    peak = std::max(peak, tick.force.force.norm());
+    for (std::size_t d = 0; d < devices; ++d) {
+      const int i = static_cast<int>(d);
+      if (!forces.empty()) append(of[d].csv, row_of(tick, i, static_cast<std::int64_t>(done)));
+      of[d].peak = std::max(of[d].peak, tick.force[i].force.norm());
+      of[d].off = std::max(of[d].off, (tick.force[i].force - tick.live.device[i].force).norm());
+    }
     if (++done % 100 == 0) {
       progress.show(static_cast<double>(done) / static_cast<double>(schedule.ticks.size()), "");
       stopped = interrupted();
     }
     return !stopped;
   });
-  if (!forces.empty()) write_file(forces, csv);
+  for (std::size_t d = 0; !forces.empty() && d < devices; ++d)
+    write_file(file_of_instrument(forces, scene, d), of[d].csv);
   const std::uint64_t lost = schedule.ticks_lost + schedule.steps_lost + r.without_problem + r.gaps;
   const bool same = r.ticks > 0 && r.largest_off <= same_force && r.other_status == 0;
   json["scene"] = scene.name;
@@ -64,7 +76,7 @@ bool run_schedule_replay(const std::string& file, const std::string& scene_file,
   json["publications"] = r.publications;
   json["reference_factors"] = r.references;
   json["elements_removed"] = r.removed;
-  json["force_peak_n"] = peak;
+  if (devices == 1) json["force_peak_n"] = of[0].peak;
   json["force_off_max_n"] = r.largest_off;
   json["torque_off_max_nm"] = r.largest_torque_off;
   json["worst_tick"] = r.worst_tick;
@@ -73,9 +85,16 @@ bool run_schedule_replay(const std::string& file, const std::string& scene_file,
   json["records_lost"] = lost;
   json["ended_well"] = schedule.complete;
   json["same"] = same;
+  for (std::size_t d = 0; devices > 1 && d < devices; ++d)
+    json["devices"].push_back({{"instrument", scene.instruments[d].name},
+                               {"device_id", scene.instruments[d].device.id},
+                               {"force_peak_n", of[d].peak},
+                               {"force_off_max_n", of[d].off}});
   table.emplace_back("schedule", file + ", " + scene.name + ", " + std::to_string(r.ticks) + " ticks, " +
                                      std::to_string(r.publications) + " problems");
-  table.emplace_back("force, peak", fixed(peak, 4) + " N");
+  for (std::size_t d = 0; d < devices; ++d)
+    table.emplace_back((devices > 1 ? scene.instruments[d].name + ": " : "") + "force, peak",
+                       fixed(of[d].peak, 4) + " N");
   table.emplace_back("elements removed", std::to_string(r.removed));
   table.emplace_back("off the live run's, at most",
                      newtons(r.largest_off) + ", at tick " + std::to_string(r.worst_tick));

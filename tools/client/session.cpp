@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <thread>
 
 #include "server/files/input_error.h"
@@ -43,7 +44,10 @@ void add_session_options(CLI::App& command, SessionOptions& options) {
   command.add_option("--role", options.role, "whose keys of those")
       ->check(CLI::IsMember({"device", "viewer", "operator"}))
       ->capture_default_str();
-  command.add_option("--device-id", options.client.device_id, "the device to be")->capture_default_str();
+  command.add_option("--device-id", options.devices, "the device to be, or devices: ID,ID; default 0")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("ID");
   command.add_option("--json", options.json, "write the figures to this file")->type_name("FILE");
   command.add_option("--forces", options.forces, "write one line per answered slot to this CSV")
       ->type_name("FILE");
@@ -70,15 +74,26 @@ void add_units_option(CLI::App& command, LengthUnit& units, const std::string& t
       ->type_name("m|mm");
 }
 
-void prepare(SessionOptions& options, const std::string& input) {
+void require_forces(const SessionOptions& options, const std::string& file,
+                    const std::vector<std::string>& inputs) {
+  OutputRule(options.force).require_table("--forces", file, force_row_header);
+  // The forces of an earlier run are a recording too.
+  for (const std::string& input : inputs)
+    if (std::error_code error; !options.force && std::filesystem::equivalent(file, input, error))
+      throw InputError(file, 0, "--forces", "is what this run reads; --force writes over it");
+}
+
+void prepare(SessionOptions& options, const std::vector<std::string>& inputs) {
+  const std::set<std::uint32_t> distinct(options.devices.begin(), options.devices.end());
+  if (distinct.size() < options.devices.size()) throw UsageError("--device-id: a device is named twice");
+  if (!options.devices.empty() && options.devices.size() != std::max<std::size_t>(inputs.size(), 1))
+    throw UsageError("--device-id: name as many devices as are to be played");
+  if (!options.devices.empty()) options.client.device_id = options.devices.front();
   if (!options.secure.empty()) options.client.security = security_files(options.secure, options.role);
   const OutputRule rule(options.force);
   rule.require_figures("--json", options.json);
-  rule.require_table("--forces", options.forces, force_row_header);
+  require_forces(options, options.forces, inputs);
   rule.require_snapshots_folder("--snapshots", options.snapshots);
-  // The forces of an earlier run are a recording too.
-  if (std::error_code error; !options.force && std::filesystem::equivalent(options.forces, input, error))
-    throw InputError(options.forces, 0, "--forces", "is what this run reads; --force writes over it");
   for (const std::string& file : {options.json, options.forces})
     if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
       std::filesystem::create_directories(parent);
@@ -114,9 +129,8 @@ void run(Session& session, SlotSource& source, const std::string& what) {
   }
 }
 
-void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json,
-            Table& table) {
-  const DeviceClient& client = session.client;
+void report(const Played& played, const SessionOptions& options, nlohmann::ordered_json& json, Table& table) {
+  const DeviceClient& client = played.client;
   const SlotBook& book = client.book();
   double peak = 0, penetration = 0, energy = 0;
   std::int64_t in_contact = 0;
@@ -131,13 +145,13 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
     wake.push_back(m.wake_us);
     solve.push_back(m.solve_us);
   });
-  const StatusRecord status = session.monitor.newest();
+  const StatusRecord status = played.monitor.newest();
   const Quantiles round_trip = quantiles(book.round_trip_us());
   const Quantiles late = quantiles(book.lateness_us());
   const double answered = share(book.answered(), book.scheduled());
 
   json["domain"] = options.client.domain;
-  json["device_id"] = options.client.device_id;
+  json["device_id"] = client.device_id();
   json["scene"] = status.scene;
   json["complete"] = client.complete();
   json["slots_scheduled"] = book.scheduled();
@@ -178,8 +192,8 @@ void report(const Session& session, const SessionOptions& options, nlohmann::ord
   table.emplace_back("client's scheduling", client.grant().granted ? client.grant().what : "ordinary");
 }
 
-std::string forces_csv(const Session& session) {
-  const DeviceClient& client = session.client;
+std::string forces_csv(const Played& played) {
+  const DeviceClient& client = played.client;
   std::string text = force_row_header;
   for_each_answer(client, [&](std::int64_t k, const hapticd_msg_ForceCommand& m) {
     const std::int64_t arrived = client.book().answered_ns(k);
@@ -197,10 +211,22 @@ std::string forces_csv(const Session& session) {
     row.contacts = m.contacts;
     row.active = m.active;
     row.penetration_um = m.penetration_um;
-    row.removed = session.monitor.at(arrived).elements_removed;
+    row.removed = played.monitor.at(arrived).elements_removed;
     append(text, row);
   });
   return text;
+}
+
+std::string fault_of(const Played& played, const SessionOptions& options) {
+  const DeviceClient& client = played.client;
+  if (client.second_daemon())
+    return "two daemons, or one and somebody who plays one, serve device " + std::to_string(client.device_id()) +
+           " in domain " + std::to_string(options.client.domain) + ": stop one of the two";
+  if (!client.complete()) return "interrupted before the end";
+  const double answered = share(client.book().answered(), client.book().scheduled());
+  if (answered >= options.min_answered) return "";
+  return "only " + fixed(100 * answered, 1) + " % of the slots were answered, " +
+         fixed(100 * options.min_answered, 1) + " % are asked for";
 }
 
 int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
@@ -209,25 +235,9 @@ int finish(const Session& session, const SessionOptions& options, const nlohmann
   if (!options.forces.empty()) write_file(options.forces, forces_csv(session));
   if (!options.snapshots.empty()) session.monitor.write_surfaces(options.snapshots);
   print(table);
-  const SlotBook& book = session.client.book();
-  if (session.client.second_daemon()) {
-    std::fprintf(stderr,
-                 "haptic: two daemons, or one and somebody who plays one, serve device %u in domain %u: stop "
-                 "one of the "
-                 "two\n",
-                 options.client.device_id, options.client.domain);
-    return 1;
-  }
-  if (!session.client.complete()) {
-    std::fprintf(stderr, "haptic: interrupted before the end\n");
-    return 1;
-  }
-  if (const double answered = share(book.answered(), book.scheduled()); answered < options.min_answered) {
-    std::fprintf(stderr, "haptic: only %.1f %% of the slots were answered, %.1f %% are asked for\n",
-                 100 * answered, 100 * options.min_answered);
-    return 1;
-  }
-  return 0;
+  const std::string fault = fault_of(session, options);
+  if (!fault.empty()) std::fprintf(stderr, "haptic: %s\n", fault.c_str());
+  return fault.empty() ? 0 : 1;
 }
 
 }  // namespace hapticd

@@ -20,14 +20,19 @@ struct SessionOptions {
   std::string snapshots;  // directory; empty: none
   bool force = false;     // write over files
   double min_answered = 0.9;
+  std::vector<std::uint32_t> devices;  // as named by --device-id; none: not named
 };
 
 void add_session_options(CLI::App& command, SessionOptions& options);
 void add_units_option(CLI::App& command, LengthUnit& units, const std::string& text);
 
-// Reads the keys, if any, and makes the directories of the files that will be written. input: the motion's
-// file. Throws InputError for an output that would write over another file (server/files/output_file.h).
-void prepare(SessionOptions& options, const std::string& input);
+// Reads the keys, if any, and makes the directories of the files that will be written. inputs: the motions'
+// files. Throws InputError for an output that would write over another file (server/files/output_file.h), and
+// UsageError where more devices are named than there are motions, or one twice.
+void prepare(SessionOptions& options, const std::vector<std::string>& inputs);
+// What a file of forces has to satisfy; inputs: what the run reads.
+void require_forces(const SessionOptions& options, const std::string& file,
+                    const std::vector<std::string>& inputs);
 
 // Everything on DDS that a run needs, made before any thread goes SCHED_FIFO.
 struct Session {
@@ -39,18 +44,30 @@ struct Session {
   Session(const SessionOptions& options, std::int64_t slots);
 };
 
+// A device that has been played.
+struct Played {
+  const Monitor& monitor;
+  const DeviceClient& client;
+
+  Played(const Monitor& m, const DeviceClient& c) : monitor(m), client(c) {}
+  Played(const Session& s) : Played(s.monitor, s.client) {}  // NOLINT: the usual case is one
+};
+
 // Runs the source to its end with progress on a terminal, then waits for the last states of the scene.
 void run(Session& session, SlotSource& source, const std::string& what);
 
 // The figures of the run.
-void report(const Session& session, const SessionOptions& options, nlohmann::ordered_json& json,
-            Table& table);
+void report(const Played& played, const SessionOptions& options, nlohmann::ordered_json& json, Table& table);
 
 // forces.csv (force_row.h); `removed` is by the newest status.
-std::string forces_csv(const Session& session);
+std::string forces_csv(const Played& played);
+
+// Why the run is no good: it is not complete, not answered as it should be, or by two daemons. Empty: it is
+// good.
+std::string fault_of(const Played& played, const SessionOptions& options);
 
 // Writes the JSON and the other outputs asked for, prints the table, and returns the exit code: 0 if the run
-// is complete, answered as it should be and by one daemon, else 1 with the reason on stderr.
+// is good, else 1 with the reason on stderr.
 int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
            const Table& table);
 

@@ -7,6 +7,7 @@
 
 #include "server/os/realtime.h"
 #include "server/plan/plan.h"
+#include "server/scene/scene_describe.h"
 #include "server/scene/scene_reader.h"
 #include "tools/cli/command.h"
 #include "tools/cli/report.h"
@@ -21,7 +22,33 @@ struct DoctorOptions {
   bool force = false;
   std::uint32_t domain = 229;
   double answer_dds = 0;
+  std::optional<std::uint32_t> running;
 };
+
+// "touch", or "phaco (touch, id 0) and chopper (touch, id 1)".
+std::string devices_in_words(const Scene& scene) {
+  if (scene.instruments.size() == 1) return scene.first().device_name;
+  std::string text;
+  for (std::size_t i = 0; i < scene.instruments.size(); ++i) {
+    const SceneInstrument& held = scene.instruments[i];
+    text += (i == 0 ? "" : i + 1 == scene.instruments.size() ? " and " : ", ") + held.name + " (" +
+            held.device_name + ", id " + std::to_string(held.device.id) + ")";
+  }
+  return text + " in one tissue, solved together by one haptic thread";
+}
+
+Finding stiffness_of(const SceneInstrument& held, bool one) {
+  const double stiffness = felt_stiffness(held);
+  Finding felt{one ? "stiffness" : "stiffness " + held.name, Health::pass,
+               "at most " + fixed(stiffness, 0) + " N/m at the hand (coupling × scales) of " +
+                   fixed(held.device_stiffness, 0) + " that " + held.device_name + " displays stably",
+               ""};
+  if (stiffness > 1.001 * held.device_stiffness) {
+    felt.health = Health::warn;
+    felt.fix = "less mapping.force_scale or instrument.coupling.stiffness";
+  }
+  return felt;
+}
 
 int doctor(const DoctorOptions& o) {
   if (o.answer_dds > 0) return answer_dds(o.domain, o.answer_dds);
@@ -31,6 +58,11 @@ int doctor(const DoctorOptions& o) {
   add({check_dds(o.domain)});
   if (!o.secure.empty()) add(check_security(o.secure));
   if (!o.scene.empty()) add(check_scene(o.scene, o.device));
+  if (o.running) {
+    std::optional<Security> keys;
+    if (!o.secure.empty()) keys = security_files(o.secure, "operator");
+    add(check_daemon(*o.running, keys));
+  }
   std::fputs(to_text(all).c_str(), stdout);
   if (!o.json.empty()) write_json(o.json, to_json(all));
   return worst(all) == Health::fail ? 1 : 0;
@@ -46,7 +78,7 @@ std::vector<Finding> check_scene(const std::string& file, const std::string& dev
     const double period = 1e3 / scene.rate;
     Finding read{
         "scene", Health::pass,
-        file + ": read, with " + std::to_string(scene.bodies.size()) + " bodies for " + scene.device_name,
+        file + ": read, with " + std::to_string(scene.bodies.size()) + " bodies for " + devices_in_words(scene),
         ""};
     Finding time{"time", Health::pass,
                  "9 of 10 steps under " + fixed(plan.step_ms, 1) + " ms of " + fixed(period, 1) +
@@ -56,16 +88,9 @@ std::vector<Finding> check_scene(const std::string& file, const std::string& dev
       time.health = Health::warn;
       time.fix = "a coarser mesh, simulation.compliance: zone, model: auto, or a lower simulation.rate";
     }
-    Finding felt{"stiffness", Health::pass, "", ""};
-    const double stiffness =
-        scene.coupling.stiffness * scene.device.position_scale * scene.device.force_scale;
-    felt.found = "at most " + fixed(stiffness, 0) + " N/m at the hand (coupling × scales) of " +
-                 fixed(scene.device_stiffness, 0) + " that " + scene.device_name + " displays stably";
-    if (stiffness > 1.001 * scene.device_stiffness) {
-      felt.health = Health::warn;
-      felt.fix = "less mapping.force_scale or instrument.coupling.stiffness";
-    }
-    std::vector<Finding> out = {read, time, felt};
+    std::vector<Finding> out = {read, time};
+    for (const SceneInstrument& held : scene.instruments)
+      out.push_back(stiffness_of(held, scene.instruments.size() == 1));
     if (scene.plans && !plan.met)
       out.push_back({"accuracy", Health::warn,
                      "the plan's force error is " + fixed(100 * plan.error_estimate, 1) + " % of " +
@@ -125,11 +150,16 @@ Command add_doctor(CLI::App& application) {
   app->add_option("--domain", options->domain, "DDS domain to try, one that nobody uses")
       ->check(CLI::Range(0u, 230u))
       ->capture_default_str();
+  app->add_option("--running", options->running,
+                  "look at the daemon of this DDS domain too: its instruments, their devices and clients")
+      ->check(CLI::Range(0u, 230u))
+      ->type_name("DOMAIN");
   app->add_option("--json", options->json, "write the findings to this file")->type_name("FILE");
   add_force_option(*app, options->force);
   app->add_option("--answer-dds", options->answer_dds)->group("");
   app->footer(
       "Example: haptic doctor config/scenes/cube/cube.yaml\n"
+      "Example: haptic doctor --running 0\n"
       "Exit code 0: all passed, or warnings alone; 1: something failed.");
   return {app, [options] { return doctor(*options); }};
 }

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "server/dds/dds_security.h"
+
 namespace hapticd {
 
 enum class Health { pass, warn, fail };
@@ -27,6 +29,9 @@ std::vector<Finding> check_machine();     // kernel, rights, memory, clock, idle
 Finding check_dds(std::uint32_t domain);  // a round trip with a process of its own, on loopback
 std::vector<Finding> check_security(const std::filesystem::path& keys);  // files, expiry, who may read them
 std::vector<Finding> check_scene(const std::string& scene, const std::string& device);
+
+// A running daemon: its instruments, what device each has, and that device's client.
+std::vector<Finding> check_daemon(std::uint32_t domain, const std::optional<Security>& security);
 
 // The other end of check_dds, for `seconds`: answers every state by a force of its number.
 int answer_dds(std::uint32_t domain, double seconds);

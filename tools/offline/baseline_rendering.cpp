@@ -27,9 +27,9 @@ double compliance_along(const CondensedProblem& problem, const PatchSample& s, c
 
 }  // namespace
 
-LocalModel::LocalModel(Rendering rendering, const Instrument& instrument, const ContactOptions& options,
+LocalModel::LocalModel(Rendering rendering, Instruments instruments, const ContactOptions& options,
                        double period)
-    : rendering_(rendering), instrument_(instrument), options_(options), period_(period) {}
+    : rendering_(rendering), instruments_(instruments), options_(options), period_(period) {}
 
 void LocalModel::publish(double t, const CondensedProblem& problem, const ContactSolution& solution) {
   before_ = now_;
@@ -39,18 +39,25 @@ void LocalModel::publish(double t, const CondensedProblem& problem, const Contac
   if (!problem_) problem_ = std::make_unique<CondensedProblem>();
   *problem_ = problem;
   if (rendering_ != Rendering::frozen_friction) return;
-  const Vec6 whole = solve_contact(problem, instrument_, problem.X_ref, period_, options_, with_friction_,
-                                   *friction_scratch_)
-                         .wrench;
+  InstrumentPoses X_ref;
+  for (int i = 0; i < instruments_.count(); ++i) {
+    X_ref[i] = problem.instrument[i].X_ref;
+    X_ref.present[i] = true;
+  }
+  const EachInstrument<Vec6> whole =
+      solve_contact(problem, instruments_, X_ref, period_, options_, with_friction_, *friction_scratch_)
+          .wrench;
   const ContactRows& rows = friction_scratch_->rows;
   std::array<double, max_rows> normal{};
   for (int i = 0; i < rows.contacts; ++i)
     normal[rows.rows_per_contact * i] = friction_scratch_->lambda[rows.rows_per_contact * i];
-  friction_ = whole - wrench_on_instrument(rows, {normal.data(), static_cast<std::size_t>(rows.rows())});
+  const EachInstrument<Vec6> of_normals =
+      wrench_on_instruments(rows, {normal.data(), static_cast<std::size_t>(rows.rows())});
+  for (int i = 0; i < instruments_.count(); ++i) friction_[i] = whole[i] - of_normals[i];
   for (int k = 0; k < problem_->samples; ++k) problem_->sample[k].friction = 0;
 }
 
-Vec6 LocalModel::spring(const Pose& X) const {
+Vec6 LocalModel::spring(const Instrument& instrument, const Pose& X) const {
   Gap deepest;
   deepest.distance = 0;
   const PatchSample* sample = nullptr;
@@ -59,7 +66,7 @@ Vec6 LocalModel::spring(const Pose& X) const {
     const PatchSample& s = problem_->sample[k];
     if (s.node[0] < 0) continue;
     const Vec3 x = sample_position(*problem_, problem_->x_free, k);
-    const Gap gap = gap_at(instrument_, X, x);
+    const Gap gap = gap_at(instrument, X, x);
     if (gap.distance >= deepest.distance || gap.normal.dot(s.outward) > 0.2) continue;
     deepest = gap;
     sample = &s;
@@ -72,18 +79,25 @@ Vec6 LocalModel::spring(const Pose& X) const {
   return acting_at(deepest.distance / compliance * deepest.normal, place - X.p);
 }
 
-Vec6 LocalModel::wrench(double t, const Pose& X) {
+EachInstrument<Vec6> LocalModel::wrench(double t, const InstrumentPoses& X) {
+  EachInstrument<Vec6> out;
   switch (rendering_) {
     case Rendering::extrapolated:
-      return now_ + (t - since_) / period_ * (now_ - before_);
+      for (int i = 0; i < instruments_.count(); ++i)
+        out[i] = now_[i] + (t - since_) / period_ * (now_[i] - before_[i]);
+      return out;
     case Rendering::spring:
-      return problem_ ? spring(X) : Vec6::Zero();
+      for (int i = 0; problem_ && i < instruments_.count(); ++i)
+        if (X.present[i]) out[i] = spring(instruments_[i], X[i]);
+      return out;
     case Rendering::frozen_friction:
-      if (!problem_) return Vec6::Zero();
-      return solve_contact(*problem_, instrument_, X, haptic_period, options_, state_, *scratch_).wrench +
-             friction_;
+      if (!problem_) return out;
+      out = solve_contact(*problem_, instruments_, X, haptic_period, options_, state_, *scratch_).wrench;
+      for (int i = 0; i < instruments_.count(); ++i) out[i] += friction_[i];
+      return out;
     case Rendering::held:
     case Rendering::solved:
+    case Rendering::alone:
       break;
   }
   return now_;

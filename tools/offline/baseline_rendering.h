@@ -6,9 +6,9 @@
 //   spring           f(t) = n max(0, −gap(s)) / (nᵀ C_ss n),  s the deepest sample of the free patch at X(t)
 //   frozen_friction  f(t) = normal forces solved at X(t) without friction + the step's friction force
 //
-// f_k, t_k: contact force of the newest problem in use, and since when. Forces in scene newtons on the
-// instrument. Source: force extrapolation and local models as surveyed by Otaduy and Lin, "High Fidelity
-// Haptic Rendering", 2006.
+// f_k, t_k: contact force of the newest problem in use, and since when. Each instrument has its own; friction
+// is frozen with all of them in one solve. Forces in scene newtons on the instruments. Source: force
+// extrapolation and local models as surveyed by Otaduy and Lin, "High Fidelity Haptic Rendering", 2006.
 #pragma once
 
 #include <memory>
@@ -19,24 +19,24 @@ namespace hapticd {
 
 class LocalModel {
  public:
-  // period: of the simulation [s].
-  LocalModel(Rendering rendering, const Instrument& instrument, const ContactOptions& options, double period);
+  // period: of the simulation [s]. The instruments' owner outlives the object.
+  LocalModel(Rendering rendering, Instruments instruments, const ContactOptions& options, double period);
 
   // A problem comes into use at t; `solution` is of the step that made it.
   void publish(double t, const CondensedProblem& problem, const ContactSolution& solution);
 
-  // On the instrument at X: force [N], torque about its origin [N·m].
-  Vec6 wrench(double t, const Pose& X);
+  // On the instruments at X: force [N], torque about their origins [N·m].
+  EachInstrument<Vec6> wrench(double t, const InstrumentPoses& X);
 
  private:
-  Vec6 spring(const Pose& X) const;
+  Vec6 spring(const Instrument& instrument, const Pose& X) const;
 
   Rendering rendering_;
-  const Instrument& instrument_;
+  Instruments instruments_;
   ContactOptions options_;
   double period_;
   double since_ = 0;
-  Vec6 now_ = Vec6::Zero(), before_ = Vec6::Zero(), friction_ = Vec6::Zero();
+  EachInstrument<Vec6> now_, before_, friction_;
   std::unique_ptr<CondensedProblem> problem_;  // frozen_friction: without friction
   ContactState state_, with_friction_;
   std::unique_ptr<ContactScratch> scratch_ = std::make_unique<ContactScratch>();

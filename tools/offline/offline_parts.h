@@ -35,18 +35,25 @@ class Cost {
   double begun_;
 };
 
-inline InstrumentSample instrument_at(const OfflineInput& input, double t) {
+inline InstrumentSample instrument_at(const OfflineInput& input, int i, double t) {
   InstrumentSample sample;
-  sample.pose = sample_at(input.motion, std::max(t, input.from));
-  if (input.approach > 0 && t < input.from) {
+  if (input.motion[i].samples.empty()) return sample;
+  sample.pose = sample_at(input.motion[i], std::max(t, input.from));
+  if (input.approach[i] > 0 && t < input.from) {
     constexpr double of_settling = 0.6;
     const double s = std::clamp((t - input.from + input.settle) / (of_settling * input.settle), 0.0, 1.0);
     const double smooth =
         s * s * s * (10 - s * (15 - 6 * s));  // at rest at either end, speed and acceleration
-    sample.pose.p.z() += (1 - smooth) * input.approach;
+    sample.pose.p.z() += (1 - smooth) * input.approach[i];
   }
   sample.present = true;
   return sample;
+}
+
+inline InstrumentSamples instruments_at(const OfflineInput& input, double t) {
+  InstrumentSamples samples;
+  for (int i = 0; i < max_instruments; ++i) samples[i] = instrument_at(input, i, t);
+  return samples;
 }
 
 inline std::size_t compliance_bytes(const StepReport& report) {

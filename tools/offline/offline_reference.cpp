@@ -34,7 +34,7 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
     StepReport report;
     {
       const offline::Cost cost(result.simulation, counts);
-      report = world->step([&] { return offline::instrument_at(input, t); }, *problem);
+      report = world->step([&] { return offline::instruments_at(input, t); }, *problem);
     }
     result.removed += report.removed;
     result.inverted = std::max(result.inverted, inverted_tets(world->bodies()));
@@ -42,19 +42,22 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
     result.capped += report.contact.status != SolveStatus::solved;
     result.memory_bytes = std::max(result.memory_bytes, offline::compliance_bytes(report));
     if (counts && (i - settle) % per_tick == 0)
-      result.ticks.push_back({t, report.contact.wrench, report.contact.penetration, report.contact.residual,
-                              report.contact.active, true});
+      for (int k = 0; k < static_cast<int>(scene.instruments.size()); ++k)
+        result.hands[k].push_back({t, report.contact.wrench[k], report.contact.penetration,
+                                   report.contact.residual, report.contact.active, true});
     if (progress && !progress(static_cast<double>(i + 1) / steps)) break;
   }
   return result;
 }
 
-RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, int per_step) {
+RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, std::optional<int> per_step) {
   constexpr double period = 0.02;
   Scene cutting = scene;
   cutting.rate = 1 / period;
-  cutting.removal.rate = per_step / period;
-  cutting.removal.aspiration_max_tets = 0;
+  if (per_step) {
+    cutting.first().removal.rate = *per_step / period;
+    cutting.first().removal.aspiration_max_tets = 0;
+  }
   std::unique_ptr<World> world = make_world(cutting);
   const auto problem = std::make_unique<CondensedProblem>();
   RemovalSchedule schedule;
@@ -63,9 +66,16 @@ RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, i
   const auto steps = static_cast<int>(std::floor((input.to - input.from + input.settle) / period));
   for (int k = 0; k < steps; ++k) {
     const double t = input.from - input.settle + period * k;
-    InstrumentSample sample = offline::instrument_at(input, t);
-    sample.phaco = t >= input.from - offline::instant;
-    world->step([&] { return sample; }, *problem);
+    InstrumentSamples samples = offline::instruments_at(input, t);
+    const bool in_window = t >= input.from - offline::instant;
+    if (per_step) samples[0].phaco = in_window;
+    for (int i = 0; !per_step && in_window && i < max_instruments; ++i) {
+      if (!samples[i].present) continue;
+      const std::uint32_t pedals = buttons_at(input.motion[i], t);
+      samples[i].phaco = pedals & pedal_phaco;
+      samples[i].aspiration = pedals & pedal_aspiration;
+    }
+    world->step([&] { return samples; }, *problem);
     for (std::size_t b = 0; b < alive.size(); ++b) {
       const auto& now = world->bodies()[b].state.alive;
       std::vector<int> gone;

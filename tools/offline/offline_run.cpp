@@ -10,6 +10,8 @@
 #include "server/scene/scene_world.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
+#include "tools/offline/contact_laws.h"
+#include "tools/offline/lone_hands.h"
 #include "tools/offline/offline_parts.h"
 
 namespace hapticd {
@@ -39,13 +41,13 @@ VirtualTiming timing_of(const OfflineOptions& options, const World& world) {
   return timing;
 }
 
-// The device as it is, or with nothing between the contact's force and its answer.
-DeviceSettings device_of(const Scene& scene, bool limits) {
-  DeviceSettings device = scene.device;
-  if (limits) return device;
+// The devices as they are, or with nothing between the contact's force and its answer.
+std::vector<DeviceSettings> devices_of(const Scene& scene, bool limits) {
+  std::vector<DeviceSettings> devices = devices_of(scene);
   constexpr double none = 1e9;
-  device.max_force = device.max_torque = device.max_force_rate = device.max_speed = none;
-  return device;
+  for (DeviceSettings& d : devices)
+    if (!limits) d.max_force = d.max_torque = d.max_force_rate = d.max_speed = none;
+  return devices;
 }
 
 HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
@@ -66,13 +68,9 @@ HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
   return options;
 }
 
-OfflineTick tick_of(const Vec6& wrench) {
-  OfflineTick out;
-  out.wrench = wrench;
-  return out;
-}
+using OfflineTicks = EachInstrument<OfflineTick>;
 
-// The daemon along the motion, and what its threads spend.
+// The daemon along the motions, and what its threads spend.
 class Run {
  public:
   Run(const Scene& scene, const OfflineInput& input, const OfflineOptions& options, OfflineResult& result)
@@ -80,13 +78,15 @@ class Run {
         result_(result),
         removals_(input.removals),
         solved_(options.rendering == Rendering::solved),
-        local_(options.rendering, scene.instrument, haptic_options(scene).contact, 1 / scene.rate) {
+        interims_(solved_ || options.rendering == Rendering::alone),
+        shapes_(shapes_of(scene)),
+        local_(options.rendering, shapes_, haptic_options(scene).contact, 1 / scene.rate) {
     if (1 / scene.rate < offline::tick - offline::instant)
       throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
     auto world = make_world(scene, settings_of(scene, options));
     VirtualDaemonSettings settings;
     settings.timing = timing_of(options, *world);
-    settings.schedule.interims = options.interim_after && solved_;
+    settings.schedule.interims = options.interim_after && interims_;
     settings.schedule.refresh_at = settings.schedule.interims ? options.refresh_at : std::vector<double>{};
     settings.first_ns = first_ns;
     settings.before = [this](StepAction action, std::int64_t ns) { before(action, ns); };
@@ -97,26 +97,47 @@ class Run {
       factor.make();
       making_ += offline::cpu_seconds() - begun;
     };
-    daemon_.emplace(std::move(world), scene.rate, device_of(scene, options.limits),
-                    options_of(scene, options), settings);
+    const std::vector<DeviceSettings> devices = devices_of(scene, options.limits);
+    if (options.rendering == Rendering::alone) alone_.emplace(shapes_, devices, options_of(scene, options));
+    daemon_.emplace(std::move(world), scene.rate, devices, options_of(scene, options), settings);
   }
 
-  OfflineTick tick(double t, bool counts) {
+  OfflineTicks tick(double t, bool counts) {
     const std::int64_t now = first_ns + nanoseconds(t - input_.from + input_.settle);
-    const Pose X = offline::instrument_at(input_, t).pose;
+    const InstrumentSamples samples = offline::instruments_at(input_, t);
     daemon_->advance(now);
     const bool swapped = std::exchange(swapped_, false);
-    if (swapped && !solved_) local_.publish(t, *daemon_->newest(), daemon_->schedule().report().contact);
-    OfflineTick out;
+    if (swapped && alone_) alone_->publish(*daemon_->newest(), daemon_->world().contact_scratch());
+    if (swapped && !solved_ && !alone_)
+      local_.publish(t, *daemon_->newest(), daemon_->schedule().report().contact);
+    OfflineTicks out;
     {
       const offline::Cost cost(result_.haptic, counts);
-      out = solved_ ? solved(now, X) : tick_of(local_.wrench(t, X));
+      if (solved_)
+        out = answered(now, samples, [&](const HapticInput& input) { return daemon_->tick(input); });
+      else if (alone_)
+        out = answered(now, samples, [&](const HapticInput& input) { return alone_->tick(input); });
+      else
+        out = local(t, samples);
     }
-    if (!solved_) daemon_->tell({.present = true, .X = X, .received_ns = now});
-    out.t = t;
-    out.swapped = swapped;
+    if (solved_ && counts) look_at_tick();
+    if (!solved_) {
+      InstrumentInputs there;
+      for (int i = 0; i < count(); ++i) {
+        there[i].present = samples[i].present;
+        there[i].X = samples[i].pose;
+        there[i].received_ns = now;
+      }
+      daemon_->tell(there);
+    }
+    for (int i = 0; i < count(); ++i) {
+      out[i].t = t;
+      out[i].swapped = swapped;
+    }
     return out;
   }
+
+  int count() const { return static_cast<int>(shapes_.size()); }
 
  private:
   void before(StepAction action, std::int64_t ns) {
@@ -151,38 +172,73 @@ class Run {
     result_.removed += report.removed;
     result_.inverted = std::max(result_.inverted, inverted_tets(daemon_->world().bodies()));
     result_.dropped_samples = std::max(result_.dropped_samples, daemon_->newest()->dropped_samples);
+    if (counts_) result_.uncovered_nodes += report.uncovered_nodes;
     result_.capped += report.contact.status != SolveStatus::solved;
+    if (count() > 1) {
+      InstrumentPoses present;
+      for (int i = 0; i < count(); ++i) present.present[i] = daemon_->told()[i].present;
+      result_.reciprocity =
+          std::max(result_.reciprocity, reciprocity_defect(*daemon_->newest(), shapes_, present));
+    }
     result_.memory_bytes =
         std::max(result_.memory_bytes,
                  offline::compliance_bytes(report) + 3 * sizeof(CondensedProblem) + sizeof(HapticState));
   }
 
-  OfflineTick solved(std::int64_t now, const Pose& X) {
-    const DeviceSettings& device = daemon_->haptic().device();
+  void look_at_tick() {
+    const HapticState& state = daemon_->haptic().state();
+    if (!state.solved || state.solution.status == SolveStatus::not_finite) return;
+    result_.third_law = std::max(
+        result_.third_law, third_law_defect(*daemon_->haptic().problem(), state.scratch, state.solution));
+  }
+
+  OfflineTicks local(double t, const InstrumentSamples& samples) {
+    const EachInstrument<Vec6> wrench = local_.wrench(t, poses_of(samples));
+    OfflineTicks out;
+    for (int i = 0; i < count(); ++i) out[i].wrench = wrench[i];
+    return out;
+  }
+
+  // tick: what makes answers of all devices' states.
+  template <typename Tick>
+  OfflineTicks answered(std::int64_t now, const InstrumentSamples& samples, const Tick& tick) {
     HapticInput input;
     input.now_ns = now;
-    input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
-    input.taken = true;
-    input.sample.sequence = ++count_;
-    input.sample.client_time_ns = input.sample.received_ns = now;
-    input.sample.pose = to_device(device, X);
-    input.sample.enable = true;
-    const ForceSample answer = daemon_->tick(input);
-    OfflineTick out;
-    out.wrench.head<3>() = device.frame * answer.force / device.force_scale;
-    out.wrench.tail<3>() = device.frame * answer.torque * (device.position_scale / device.force_scale);
-    out.penetration = answer.penetration;
-    out.residual = answer.residual;
-    out.active = static_cast<int>(answer.active);
-    result_.capped += (answer.status & status_solver_cap) != 0;
+    const bool first = count_++ == 0;
+    for (int i = 0; i < count(); ++i) {
+      if (!samples[i].present) continue;
+      DeviceInput& device = input.device[i];
+      device.presence = {.connected = true, .new_client = first, .conflict = false};
+      device.taken = true;
+      device.sample.sequence = count_;
+      device.sample.client_time_ns = device.sample.received_ns = now;
+      device.sample.pose = to_device(daemon_->haptic().device(i), samples[i].pose);
+      device.sample.enable = true;
+    }
+    const EachInstrument<ForceSample> answers = tick(input);
+    OfflineTicks out;
+    bool capped = false;
+    for (int i = 0; i < count(); ++i) {
+      const DeviceSettings& device = daemon_->haptic().device(i);
+      const ForceSample& answer = answers[i];
+      out[i].wrench.head<3>() = device.frame * answer.force / device.force_scale;
+      out[i].wrench.tail<3>() = device.frame * answer.torque * (device.position_scale / device.force_scale);
+      out[i].penetration = answer.penetration;
+      out[i].residual = answer.residual;
+      out[i].active = static_cast<int>(answer.active);
+      capped = capped || (answer.status & status_solver_cap) != 0;
+    }
+    result_.capped += capped;
     return out;
   }
 
   const OfflineInput& input_;
   OfflineResult& result_;
   offline::Removals removals_;
-  const bool solved_;
+  const bool solved_, interims_;
+  const std::vector<Instrument> shapes_;
   LocalModel local_;
+  std::optional<LoneHands> alone_;
   std::optional<VirtualDaemon> daemon_;
   std::uint64_t count_ = 0;
   bool swapped_ = false;                       // since the tick before
@@ -222,8 +278,8 @@ OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const O
   const auto ticks = settle + static_cast<int>(std::lround((input.to - input.from) / offline::tick));
   for (int i = 0; i < ticks; ++i) {
     const double t = input.from + offline::tick * (i - settle);
-    const OfflineTick out = run.tick(t, i >= settle);
-    if (i >= settle) result.ticks.push_back(out);
+    const OfflineTicks out = run.tick(t, i >= settle);
+    for (int k = 0; i >= settle && k < run.count(); ++k) result.hands[k].push_back(out[k]);
     if (progress && !progress(static_cast<double>(i + 1) / ticks)) break;
   }
   return result;

@@ -1,13 +1,13 @@
-// A scene run offline along a motion of its instrument: the daemon in virtual time
+// A scene run offline along motions of its instruments: the daemon in virtual time
 // (server/schedule/virtual_daemon.h), a tick each millisecond, with delays that are options.
 //
 // Nothing depends on the clock: two runs of the same inputs agree bit for bit, costs excepted, as long as
 // BLAS has one thread. Delays are inputs because the daemon's are not constant; they are the measured
-// medians. Times are seconds of the motion. The first `settle` seconds hold the first pose, or come down to
-// it, and are not in the result. Forces are in scene newtons on the instrument, whatever the device's scales;
-// limits (arming ramp, saturation, slew) and the blend at removals are off unless asked for, so that errors
-// are the method's. Units: SI. Errors: std::runtime_error from a singular body, std::invalid_argument for a
-// rate above 1 kHz.
+// medians. Times are seconds of the motions. The first `settle` seconds hold the first poses, or come down to
+// them, and are not in the result. Forces are in scene newtons on the instruments, whatever the devices'
+// scales; limits (arming ramp, saturation, slew) and the blend at removals are off unless asked for, so that
+// errors are the method's. Units: SI. Errors: std::runtime_error from a singular body, std::invalid_argument
+// for a rate above 1 kHz.
 #pragma once
 
 #include <functional>
@@ -30,14 +30,14 @@ struct RemovalEvent {
 };
 using RemovalSchedule = std::vector<RemovalEvent>;  // by time
 
-// What is compared along: poses of the instrument in the scene, a window, and removals in it.
+// What is compared along: poses of the instruments in the scene, a window, and removals in it.
 struct OfflineInput {
-  Trajectory motion;
-  double from = 0, to = 0;  // [s]
-  double settle = 0.1;      // [s]
-  // Of a window that begins in contact: in the first 0.6 of settling the instrument comes down to the first
+  EachInstrument<Trajectory> motion;  // on one time axis; one without samples is not there
+  double from = 0, to = 0;            // [s]
+  double settle = 0.1;                // [s]
+  // Of a window that begins in contact: in the first 0.6 of settling an instrument comes down to its first
   // pose from so high above it (+z of the scene) [m]. Put there at once, what friction holds is chance.
-  double approach = 0;
+  EachInstrument<double> approach;
   RemovalSchedule removals;
 };
 
@@ -48,6 +48,7 @@ enum class Rendering {
   extrapolated,     // … continued by the line through the last two
   spring,           // the deepest sample alone, a spring of its own compliance along its normal, no friction
   frozen_friction,  // normal forces solved each millisecond, the step's friction force held
+  alone,  // each instrument solved by itself, the others' forces of the last step held (lone_hands.h)
 };
 
 // One configuration. Compliance, contact, rate, friction, linearity and meshes are the scene's.
@@ -74,6 +75,7 @@ struct OfflineOptions {
   double reference_after = 0.04;  // [s]
 };
 
+// Of one instrument.
 struct OfflineTick {
   double t = 0;
   Vec6 wrench = Vec6::Zero();  // on the instrument, about its origin [N, N·m]
@@ -83,6 +85,9 @@ struct OfflineTick {
   bool swapped = false;  // the first with a new problem
 };
 
+// Of each instrument, one a millisecond.
+using HandTicks = EachInstrument<std::vector<OfflineTick>>;
+
 // CPU time of a thread's pieces of work [s].
 struct ThreadCost {
   std::vector<double> work;
@@ -91,14 +96,19 @@ struct ThreadCost {
 };
 
 struct OfflineResult {
-  std::vector<OfflineTick> ticks;  // one a millisecond of the window
+  HandTicks hands;  // of the window
   ThreadCost simulation, haptic, bases;
   ThreadCost interim;  // of steps that remove something, from their begin until the interim problem is there
   std::size_t memory_bytes = 0;  // largest: compliances, problems and the haptic loop's scratch
   int removed = 0;
   int inverted = 0;         // tetrahedra that were inverted after some step, largest number at a time
   int dropped_samples = 0;  // largest
+  int uncovered_nodes = 0;  // of patches, outside their compliance's zone; in all steps together
   int capped = 0;           // ticks and steps whose contact solve ended at a cap
+  // Largest of contact_laws.h: of the problems that were published, and of the ticks solved by the daemon.
+  double reciprocity = 0, third_law = 0;
+
+  const std::vector<OfflineTick>& ticks() const { return hands[0]; }
 };
 
 // False ends the run; the result is then what there is.
@@ -113,8 +123,9 @@ OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const O
 OfflineResult run_reference(const Scene& scene, const OfflineInput& input, double h,
                             const OfflineProgress& progress = {});
 
-// What the tip destroys at `per_step` elements in each 20 ms of the window, by the scene's own rule.
-RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, int per_step);
+// What the first instrument's tip destroys at `per_step` elements in each 20 ms of the window; without a
+// number: what all instruments destroy by their own rules and pedals.
+RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, std::optional<int> per_step);
 
 // Live tetrahedra with det F ≤ 0, over all deformable bodies.
 int inverted_tets(const Bodies& bodies);

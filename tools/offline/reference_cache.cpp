@@ -1,5 +1,6 @@
 #include "tools/offline/reference_cache.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
@@ -45,14 +46,17 @@ std::uint64_t program_hash() {
 
 std::string to_csv(const OfflineResult& r) {
   std::ostringstream csv;
+  const auto hands = std::count_if(r.hands.value.begin(), r.hands.value.end(),
+                                   [](const std::vector<OfflineTick>& ticks) { return !ticks.empty(); });
   csv.precision(17);
   csv << r.removed << ',' << r.inverted << ',' << r.capped << ',' << r.dropped_samples << ','
-      << r.memory_bytes << ',' << r.simulation.total << ',' << r.ticks.size() << '\n';
-  for (const OfflineTick& t : r.ticks) {
-    csv << t.t;
-    for (int c = 0; c < 6; ++c) csv << ',' << t.wrench[c];
-    csv << ',' << t.penetration << ',' << t.residual << ',' << t.active << '\n';
-  }
+      << r.memory_bytes << ',' << r.simulation.total << ',' << hands << ',' << r.ticks().size() << '\n';
+  for (int i = 0; i < hands; ++i)
+    for (const OfflineTick& t : r.hands[i]) {
+      csv << t.t;
+      for (int c = 0; c < 6; ++c) csv << ',' << t.wrench[c];
+      csv << ',' << t.penetration << ',' << t.residual << ',' << t.active << '\n';
+    }
   return csv.str();
 }
 
@@ -67,15 +71,18 @@ bool read(const std::filesystem::path& file, OfflineResult& r) {
   std::ifstream in(file);
   std::string line;
   std::vector<double> v;
-  if (!in || !std::getline(in, line) || !parse(line, v, 7)) return false;
+  if (!in || !std::getline(in, line) || !parse(line, v, 8)) return false;
   r.removed = static_cast<int>(v[0]);
   r.inverted = static_cast<int>(v[1]);
   r.capped = static_cast<int>(v[2]);
   r.dropped_samples = static_cast<int>(v[3]);
   r.memory_bytes = static_cast<std::size_t>(v[4]);
   r.simulation.total = v[5];
-  const auto count = static_cast<std::size_t>(v[6]);
-  while (std::getline(in, line)) {
+  const auto hands = static_cast<int>(v[6]);
+  const auto count = static_cast<std::size_t>(v[7]);
+  std::size_t lines = 0;
+  if (hands < 1 || hands > max_instruments) return false;
+  for (; std::getline(in, line) && lines < hands * count; ++lines) {
     if (!parse(line, v, 10)) return false;
     OfflineTick t;
     t.t = v[0];
@@ -84,9 +91,9 @@ bool read(const std::filesystem::path& file, OfflineResult& r) {
     t.residual = v[8];
     t.active = static_cast<int>(v[9]);
     t.swapped = true;
-    r.ticks.push_back(t);
+    r.hands[static_cast<int>(lines / count)].push_back(t);
   }
-  return r.ticks.size() == count;
+  return lines == hands * count;
 }
 
 }  // namespace
@@ -110,21 +117,28 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
     hash.number(p.faces);
     hash.number(p.friction);
   }
-  for (const Primitive& p : scene.instrument.primitives) {
-    hash.number(static_cast<int>(p.shape));
-    hash.number(p.radius);
-    hash.number(p.half_length);
-    hash.pose(p.placement);
-    for (const Vec3& v : p.vertices) hash.vector(v);
+  for (const SceneInstrument& held : scene.instruments) {
+    for (const Primitive& p : held.shape.primitives) {
+      hash.number(static_cast<int>(p.shape));
+      hash.number(p.radius);
+      hash.number(p.half_length);
+      hash.pose(p.placement);
+      for (const Vec3& v : p.vertices) hash.vector(v);
+    }
+    for (const double x :
+         {held.coupling.stiffness, held.coupling.rotational_stiffness, held.coupling.damping_time})
+      hash.number(x);
   }
-  for (const double x : {scene.alarm_distance, scene.sample_spacing, scene.coupling.stiffness,
-                         scene.coupling.rotational_stiffness, scene.coupling.damping_time, input.from,
-                         input.to, input.settle, input.approach})
+  for (const double x : {scene.alarm_distance, scene.sample_spacing, scene.instrument_friction, input.from,
+                         input.to, input.settle})
     hash.number(x);
   hash.vector(scene.gravity);
-  for (const TrajectorySample& s : input.motion.samples) {
-    hash.number(s.t);
-    hash.pose(s.pose);
+  for (int i = 0; i < max_instruments; ++i) {
+    hash.number(input.approach[i]);
+    for (const TrajectorySample& s : input.motion[i].samples) {
+      hash.number(s.t);
+      hash.pose(s.pose);
+    }
   }
   for (const RemovalEvent& e : input.removals) {
     hash.number(e.t);

@@ -43,8 +43,10 @@ HapticOptions haptic_of(const Scene& scene, const DaemonRendererOptions& options
 
 DaemonRenderer::DaemonRenderer(const Scene& scene, const DaemonRendererOptions& options)
     : options_(options),
-      daemon_(world_of(scene, options), scene.rate, scene.device, haptic_of(scene, options), settings()),
-      local_(options.rendering, daemon_.world().instrument(), haptic_options(scene).contact, 1 / scene.rate) {
+      daemon_(world_of(scene, options), scene.rate, scene.first().device, haptic_of(scene, options),
+              settings()),
+      local_(options.rendering, daemon_.world().instruments(), haptic_options(scene).contact,
+             1 / scene.rate) {
   VirtualTiming timing = usual_timing(daemon_.world());
   timing.publish = nanoseconds(options.publish_after);
   timing.reference = nanoseconds(options.reference_steps / scene.rate);
@@ -69,7 +71,7 @@ VirtualDaemonSettings DaemonRenderer::settings() {
 ForceSample DaemonRenderer::baseline(std::int64_t now_ns) {
   const DeviceSettings& device = daemon_.haptic().device();
   const Pose X = to_scene(device, newest_.pose);
-  const Vec6 w = local_.wrench(1e-9 * static_cast<double>(now_ns - first_ns), X);
+  const Vec6 w = local_.wrench(1e-9 * static_cast<double>(now_ns - first_ns), X)[0];
   bool hit = false;
   const Wrench wrench =
       saturated(device, {force_to_device(device, w.head<3>()), torque_to_device(device, w.tail<3>())}, hit);
@@ -83,15 +85,15 @@ ForceSample DaemonRenderer::baseline(std::int64_t now_ns) {
 ForceSample DaemonRenderer::tick(const DeviceSample* arrived) {
   HapticInput input;
   input.now_ns = first_ns + count_ * nanoseconds(tick_s);
-  input.presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
-  input.taken = arrived != nullptr;
+  input.device[0].presence = {.connected = true, .new_client = count_ == 0, .conflict = false};
+  input.device[0].taken = arrived != nullptr;
   if (arrived) {
     newest_ = *arrived;
     newest_.received_ns = newest_.client_time_ns = input.now_ns;
-    input.sample = newest_;
+    input.device[0].sample = newest_;
   }
   ++count_;
-  const ForceSample answer = daemon_.tick(input);
+  const ForceSample answer = daemon_.tick(input)[0];
   if (options_.rendering == Rendering::solved) return answer;
   ForceSample other = baseline(input.now_ns);
   other.step = answer.step;

@@ -37,11 +37,12 @@ Scene lens_scene(const StrokeSettings& s) {
   lens.fixed_nodes = lens.mesh.group("zonule")->nodes;
   lens.material.law = s.law;
   scene.contacts.clear();
-  scene.instrument.primitives.resize(1);
-  scene.instrument.primitives[0] = {};
-  scene.instrument.primitives[0].name = "tip";
-  scene.instrument.primitives[0].radius = s.tip_radius;
-  scene.instrument.tip = 0;
+  Instrument& ball = scene.first().shape;
+  ball.primitives.resize(1);
+  ball.primitives[0] = {};
+  ball.primitives[0].name = "tip";
+  ball.primitives[0].radius = s.tip_radius;
+  ball.tip = 0;
   scene.rate = 1 / s.h;
   scene.compliance = s.compliance;
   scene.sample_spacing = s.tip_radius / 3;
@@ -117,15 +118,15 @@ class Trial {
       : scene_(scene), strokes_(strokes), report_(report), begin_(begin) {
     tick_ = std::min(longest_tick, s.h / 2);
     // So wide that no motion of these is refused; its limits act on what is sent, not on what is reported.
-    scene_.device.max_speed = 1e3;
-    scene_.device.workspace_radius = 1;
+    scene_.first().device.max_speed = 1e3;
+    scene_.first().device.workspace_radius = 1;
     auto world = make_world(scene);
     VirtualDaemonSettings settings;
     settings.timing = timing_for(s.h, *world);
     settings.first_ns = first_ns;
     settings.before = [this](StepAction, std::int64_t) { started_ = std::chrono::steady_clock::now(); };
     settings.after = [this](StepAction action, std::int64_t) { after(action); };
-    daemon_.emplace(std::move(world), scene.rate, scene_.device, haptic_options(scene), settings);
+    daemon_.emplace(std::move(world), scene.rate, scene_.first().device, haptic_options(scene), settings);
   }
 
   // The ticks of the k-th step's time.
@@ -159,19 +160,19 @@ class Trial {
     HapticInput input;
     input.now_ns = first_ns + std::llround(1e9 * since);
     input.period_ns = std::llround(1e9 * tick_);
-    input.presence.connected = true;
-    input.presence.new_client = sequence_ == 0;
-    input.taken = true;
-    input.sample.sequence = ++sequence_;
-    input.sample.received_ns = input.now_ns;
-    input.sample.pose = to_device(scene_.device, at.pose);
-    input.sample.buttons = (at.phaco ? pedal_phaco : 0u) | (at.aspiration ? pedal_aspiration : 0u);
-    input.sample.enable = true;
-    const ForceSample answer = daemon_->tick(input);
+    input.device[0].presence.connected = true;
+    input.device[0].presence.new_client = sequence_ == 0;
+    input.device[0].taken = true;
+    input.device[0].sample.sequence = ++sequence_;
+    input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.pose = to_device(scene_.first().device, at.pose);
+    input.device[0].sample.buttons = (at.phaco ? pedal_phaco : 0u) | (at.aspiration ? pedal_aspiration : 0u);
+    input.device[0].sample.enable = true;
+    const ForceSample answer = daemon_->tick(input)[0];
     const HapticState& haptic = daemon_->haptic().state();
     report_.solver_caps = std::max(report_.solver_caps, static_cast<int>(answer.solver_caps));
     if (answer.status & (status_not_finite | status_latched)) ++report_.refused;
-    const Vec3 force = haptic.rendered.force / scene_.device.force_scale;
+    const Vec3 force = haptic.device[0].rendered.force / scene_.first().device.force_scale;
     if (!force.allFinite() || !answer.force.allFinite()) ++report_.not_finite;
     const double in_ms = t / longest_tick;
     if (std::abs(in_ms - std::round(in_ms)) > 1e-6) return;

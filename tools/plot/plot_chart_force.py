@@ -1,8 +1,10 @@
 #!/usr/bin/python3
-"""Draws speed against accuracy of the force: force_pareto.png, force_time.png, force_spectrum.png.
+"""Draws speed against accuracy of the force: force_pareto.png, force_time.png, force_spectrum.png, force_hands.png.
 
 Reads the JSON of `haptic chart force` and force_traces.json beside it; the second argument is the directory for the
-pictures. A panel per trajectory and schedule of removals. Hollow marks: the reference has not converged.
+pictures. A panel per trajectory and schedule of removals; of several hands, one for each hand's force over time,
+and force_hands.png has each hand's own error.
+Hollow marks: the reference has not converged.
 Example: tools/plot/plot_chart_force.py build/chart/force/force.json build/chart/force
 """
 import json
@@ -16,7 +18,8 @@ from plot_style import ACCENT, GREY, INK, plt, run
 FELT = 30  # Hz
 BLUE = "#1d6fa5"
 # Shown over time and as spectra, where they were charted.
-SHOWN = {"held": dict(color=GREY, lw=1.0), "the paper's scheme": dict(color=BLUE, lw=1.0, ls=(0, (4, 2)))}
+SHOWN = {"held": dict(color=GREY, lw=1.0), "the paper's scheme": dict(color=BLUE, lw=1.0, ls=(0, (4, 2))),
+         "each hand alone": dict(color=BLUE, lw=1.0, ls=(0, (4, 2)))}
 
 
 def grid_of(count, width, height):
@@ -28,9 +31,19 @@ def grid_of(count, width, height):
     return figure, list(axes.flat[:count])
 
 
-def name_of(entry):
+def name_of(entry, several=False):
     removals = entry["removals"]
+    if several:
+        return entry["trajectory"] + (f", {entry['elements_removed']} elements removed" if removals else "")
     return entry["trajectory"] + (f", {removals} elements removed per 20 ms" if removals else "")
+
+
+def panels_of(data, traces):
+    """A trace with its run and its name: one a hand."""
+    for trace in traces:
+        entry = data["runs"][trace["run"]]
+        hand = trace.get("hand")
+        yield trace, entry, (f"{hand}, " if hand else "") + name_of(entry, bool(hand))
 
 
 def mine(data, entry):
@@ -76,18 +89,40 @@ def draw_pareto(data, path):
                       ms=15 if chosen else 5.5, color=color, mfc=color if p["reference_converged"] else "white",
                       zorder=4 if chosen else 3, ls="none")
         axes.set(xscale="log", yscale="log", xlabel="CPU time of all threads [ms per second of scene]",
-                 ylabel="RMS force error [% of the reference's peak]")
+                 ylabel="RMS force error [% of the reference's peak" + (", worse hand]" if "hands" in points[0] else "]"))
         low, high = min(p["cpu_ms_per_s"] for p in points), max(p["cpu_ms_per_s"] for p in points)
         axes.set_xlim(low / 1.6, high * 2.2)
         axes.axvline(1000, color=GREY, lw=0.8, ls=(0, (2, 3)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.set_title(name_of(entry) + ("" if entry["reference_converged"] else " – reference not converged"),
+        axes.set_title(name_of(entry, "hands" in points[0]) + ("" if entry["reference_converged"] else " – reference not converged"),
                        loc="left", fontsize=10)
         todo.append((axes, [(p["cpu_ms_per_s"], 100 * p["force_rms_rel"], p["label"],
                              2 if p["label"] == data["default"] else 1 if p["pareto"] else 0) for p in points]))
     for axes, marks in todo:
         label_marks(axes, marks)
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def draw_hands(data, path):
+    """A row per configuration, a mark per hand: what the worse hand's error hides."""
+    figure, panels = grid_of(len(data["runs"]), 7.2, 0.6 + 0.42 * len(data["points"]) / len(data["runs"]))
+    figure.set_layout_engine("constrained")
+    styles = (dict(marker="o", color=ACCENT), dict(marker="s", color=BLUE), dict(marker="^", color=INK),
+              dict(marker="v", color=GREY))
+    for axes, entry in zip(panels, data["runs"]):
+        points = mine(data, entry)[::-1]
+        for row, point in enumerate(points):
+            for hand, style in zip(point["hands"], styles):
+                axes.plot(100 * hand["force_rms_rel"], row, ls="none", ms=7, zorder=3, **style,
+                          mfc=style["color"] if point["reference_converged"] else "white",
+                          label=hand["instrument"] if row == 0 else None)
+        axes.set_yticks(range(len(points)), [p["label"] for p in points])
+        axes.set(xscale="log", xlabel="RMS force error [% of the hand's own peak]", ylim=(-0.6, len(points) - 0.4))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_title(name_of(entry, True), loc="left", fontsize=10)
+    panels[0].legend(fontsize=8.5)
     figure.savefig(path)
     plt.close(figure)
 
@@ -102,7 +137,7 @@ def shown(data, trace):
 
 def draw_time(data, traces, path):
     figure, panels = grid_of(len(traces), 7.2, 3.3)
-    for axes, trace, entry in zip(panels, traces, data["runs"]):
+    for axes, (trace, entry, name) in zip(panels, panels_of(data, traces)):
         reference = 1e3 * np.linalg.norm(np.array(trace["reference"]), axis=0)
         t = entry["from_s"] + 1e-3 * np.arange(reference.size)
         runs = {r["label"]: r for r in trace["runs"]}
@@ -112,7 +147,7 @@ def draw_time(data, traces, path):
         axes.plot(t, reference, color=INK, lw=2.6, alpha=0.35, label="reference", zorder=1)
         axes.set(xlabel="time [s]", ylabel="force in the scene [mN]")
         axes.set_ylim(0, 1.8 * reference.max() if reference.max() > 0 else None)
-        axes.set_title(name_of(entry), loc="left", fontsize=10)
+        axes.set_title(name, loc="left", fontsize=10)
     panels[0].legend(fontsize=8.5, ncol=2)
     figure.set_layout_engine("constrained")
     figure.savefig(path)
@@ -121,7 +156,7 @@ def draw_time(data, traces, path):
 
 def draw_spectrum(data, traces, path):
     figure, panels = grid_of(len(traces), 7.2, 3.3)
-    for axes, trace, entry in zip(panels, traces, data["runs"]):
+    for axes, (trace, entry, name) in zip(panels, panels_of(data, traces)):
         runs = {r["label"]: r for r in trace["runs"]}
         for label, line in shown(data, trace):
             r = runs[label]
@@ -130,7 +165,7 @@ def draw_spectrum(data, traces, path):
             axes.plot(f, 1e3 * np.sqrt(np.maximum(power / r["df"], 1e-30)), label=label, **line)
         axes.axvspan(FELT, 500, color="#f1f2f4", lw=0, zorder=0)
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="force error [mN/√Hz]", xlim=(None, 500))
-        axes.set_title(name_of(entry), loc="left", fontsize=10)
+        axes.set_title(name, loc="left", fontsize=10)
     panels[0].legend(fontsize=8.5, title="shaded: felt as buzz, above 30 Hz", title_fontsize=8.5, loc="lower left")
     figure.set_layout_engine("constrained")
     figure.savefig(path)
@@ -146,6 +181,8 @@ def draw(data, directory):
     draw_pareto(data, out / "force_pareto.png")
     draw_time(data, traces, out / "force_time.png")
     draw_spectrum(data, traces, out / "force_spectrum.png")
+    if "hands" in data["points"][0]:
+        draw_hands(data, out / "force_hands.png")
 
 
 if __name__ == "__main__":

@@ -14,11 +14,24 @@ std::vector<Vec3> points(const float* xyz, std::uint32_t length) {
 VtkContact contact_of(const hapticd_msg_SceneUpdate& m) {
   constexpr std::uint32_t size = 7;
   VtkContact out;
-  out.instrument = {m.instrument[0], m.instrument[1], m.instrument[2]};
-  for (std::uint32_t i = 0; i + size <= m.contacts._length; i += size) {
-    const float* c = m.contacts._buffer + i;
-    out.contacts.push_back({{c[0], c[1], c[2]}, {c[3], c[4], c[5]}, c[6]});
-    out.force -= out.contacts.back().force;
+  for (std::uint32_t i = 0; i + size <= m.instruments._length; i += size)
+    out.instruments.push_back({{m.instruments._buffer[i], m.instruments._buffer[i + 1], m.instruments._buffer[i + 2]},
+                               Vec3::Zero()});
+  for (std::uint32_t i = 0; i < m.contacts._length / size; ++i) {
+    const float* c = m.contacts._buffer + size * i;
+    ContactForce of{{c[0], c[1], c[2]}, {c[3], c[4], c[5]}, c[6]};
+    if (2 * i + 1 < m.pressing._length) {
+      of.instrument = m.pressing._buffer[2 * i];
+      const std::uint8_t other = m.pressing._buffer[2 * i + 1];
+      of.other = other == pressed_tissue ? -1 : other;
+    }
+    const auto feels = [&out](int instrument, const Vec3& force) {
+      if (instrument >= 0 && static_cast<std::size_t>(instrument) < out.instruments.size())
+        out.instruments[static_cast<std::size_t>(instrument)].force += force;
+    };
+    feels(of.instrument, -of.force);
+    feels(of.other, of.force);
+    out.contacts.push_back(of);
   }
   return out;
 }

@@ -1,6 +1,6 @@
 // The scene of a running daemon as a series for ParaView (vtk_series.h), as it is published: 25 Hz.
 //
-// Bodies, instrument and contacts are of one simulation step; the force on the instrument is what its
+// Bodies, instruments and contacts are of one simulation step; the force on an instrument is what its
 // contacts sum up to, in the scene. Thread safety: one thread. Errors: std::runtime_error naming the file.
 #pragma once
 

@@ -1,7 +1,6 @@
 #include "tools/record/vtk_series.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <cstring>
 
@@ -77,11 +76,17 @@ std::string grid(const TetMesh& mesh, std::span<const Vec3> nodes, const std::ve
 }
 
 std::string points_file(const VtkContact& c) {
-  std::vector<float> points, force, gap{0};
-  std::vector<std::int32_t> kind{0};
-  push(points, c.instrument);
-  push(force, c.force);
+  std::vector<float> points, force, gap;
+  std::vector<std::int32_t> kind, instrument;
+  for (const VtkInstrument& i : c.instruments) {
+    push(points, i.origin);
+    push(force, i.force);
+    gap.push_back(0);
+    instrument.push_back(static_cast<std::int32_t>(kind.size()));
+    kind.push_back(0);
+  }
   for (const ContactForce& f : c.contacts) {
+    instrument.push_back(f.instrument);
     push(points, f.place);
     push(force, f.force);
     gap.push_back(static_cast<float>(f.gap));
@@ -93,21 +98,16 @@ std::string points_file(const VtkContact& c) {
     each[i] = static_cast<std::int32_t>(i);
     ends[i] = each[i] + 1;
   }
+  const std::string whose = c.instruments.size() > 1 ? array("Int32", "instrument", 1, instrument) : "";
   return file_of("PolyData", "<Piece NumberOfPoints=\"" + std::to_string(n) + "\" NumberOfVerts=\"" +
                                  std::to_string(n) +
                                  "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n"
                                  "<PointData Vectors=\"force\">\n" +
                                  array("Float32", "force", 3, force) + array("Float32", "gap", 1, gap) +
-                                 array("Int32", "kind", 1, kind) + "</PointData>\n<Points>\n" +
+                                 array("Int32", "kind", 1, kind) + whose + "</PointData>\n<Points>\n" +
                                  array("Float32", "Points", 3, points) + "</Points>\n<Verts>\n" +
                                  array("Int32", "connectivity", 1, each) +
                                  array("Int32", "offsets", 1, ends) + "</Verts>\n</Piece>\n");
-}
-
-std::string as_file_name(std::string name) {
-  for (char& c : name)
-    if (!std::isalnum(static_cast<unsigned char>(c)) && c != '-') c = '_';
-  return name;
 }
 
 std::string numbered(const std::string& name, int n, const char* ending) {

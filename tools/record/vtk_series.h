@@ -3,9 +3,9 @@
 //
 //   BODY_000012.vtu          the living tetrahedra; points: displacement [m]; cells: element (its index)
 //   BODY_removed_000012.vtu  the tetrahedra that are gone, where they were at rest; written when they change
-//   contact_000012.vtp       first the instrument's origin with the force on it, then each contact with the
-//   force
-//                            on the tissue; points: force [N], gap [m], kind (0 instrument, 1 contact)
+//   contact_000012.vtp       first each instrument's origin with the force on it, then each contact with the
+//                            force on the tissue; points: force [N], gap [m], kind (0 instrument, 1 contact);
+//                            of several instruments also `instrument`, its place in the scene
 //
 // In ParaView: open scene.pvd; Glyph, scaled by `force`, for the arrows. A body without tetrahedra to deform
 // is written once. Numbers are float32, base64. Units: s, m, N, scene axes. Errors: std::runtime_error naming
@@ -31,9 +31,13 @@ struct VtkBody {
   std::span<const std::uint8_t> alive;
 };
 
+struct VtkInstrument {
+  Vec3 origin = Vec3::Zero();
+  Vec3 force = Vec3::Zero();  // on it
+};
+
 struct VtkContact {
-  Vec3 instrument = Vec3::Zero();
-  Vec3 force = Vec3::Zero();  // on the instrument
+  std::vector<VtkInstrument> instruments;
   std::vector<ContactForce> contacts;
 };
 

@@ -39,10 +39,10 @@ void pace(double rate, double seconds, const std::function<void(long)>& f) {
   }
 }
 
-void lies(const Domain& domain, double seconds) {
+void lies(const Domain& domain, const AttackTarget& target, double seconds) {
   const Participant participant(domain);
   Writer<State> writer(participant);
-  State s = valid(1);
+  State s = valid(target.own);
   pace(1000, seconds, [&](long i) {
     ++s.number;
     s.enable = i % 200 >= 20;  // arms again after each latch
@@ -58,10 +58,10 @@ void lies(const Domain& domain, double seconds) {
   });
 }
 
-void backwards(const Domain& domain, double seconds) {
+void backwards(const Domain& domain, const AttackTarget& target, double seconds) {
   const Participant participant(domain);
   Writer<State> writer(participant);
-  State s = valid(1);
+  State s = valid(target.own);
   pace(1000, seconds, [&](long i) {
     s.number = static_cast<std::uint64_t>(i % 100 < 50 ? 1'000'000 + i : 1'000'000 - i);
     s.enable = i % 100 >= 10;
@@ -69,10 +69,10 @@ void backwards(const Domain& domain, double seconds) {
   });
 }
 
-void flood(const Domain& domain, double seconds) {
+void flood(const Domain& domain, const AttackTarget& target, double seconds) {
   const Participant participant(domain);
   Writer<State> writer(participant);
-  State own = valid(1), other = valid(0);
+  State own = valid(target.own), other = valid(target.behaving);
   pace(10'000, seconds, [&](long) {
     ++own.number;
     ++other.number;
@@ -81,7 +81,7 @@ void flood(const Domain& domain, double seconds) {
   });
 }
 
-void crowd(const Domain& domain, double seconds) {
+void crowd(const Domain& domain, const AttackTarget& target, double seconds) {
   struct Member {
     Participant participant;
     Writer<State> writer;
@@ -91,7 +91,7 @@ void crowd(const Domain& domain, double seconds) {
   for (int round = 0; round < rounds; ++round) {
     std::vector<std::unique_ptr<Member>> members;
     for (int i = 0; i < crowd_at_a_time; ++i) members.push_back(std::make_unique<Member>(domain));
-    State s = valid(0);
+    State s = valid(target.behaving);
     pace(200, seconds / rounds, [&](long) {
       ++s.number;
       for (const auto& member : members) member->writer.write(s);
@@ -99,10 +99,10 @@ void crowd(const Domain& domain, double seconds) {
   }
 }
 
-void doubles(const Domain& domain, double seconds) {
+void doubles(const Domain& domain, const AttackTarget& target, double seconds) {
   const Participant participant(domain);
   Writer<State> writer(participant);
-  State s = valid(0);
+  State s = valid(target.behaving);
   s.number = 1'000'000'000'000;
   pace(1000, seconds, [&](long i) {
     ++s.number;
@@ -112,7 +112,7 @@ void doubles(const Domain& domain, double seconds) {
   });
 }
 
-void types(const Domain& domain, double seconds) {
+void types(const Domain& domain, const AttackTarget&, double seconds) {
   // The very name, another content; without type information there is nothing by which the reader could
   // refuse.
   const dds_topic_descriptor_t& other = hapticd_msg_ForceCommand_desc;
@@ -151,10 +151,10 @@ void types(const Domain& domain, double seconds) {
   });
 }
 
-void dying(const Domain& domain, double seconds) {
+void dying(const Domain& domain, const AttackTarget& target, double seconds) {
   const Participant participant(domain);
   Writer<State> writer(participant);
-  State s = valid(1);
+  State s = valid(target.own);
   s.number = static_cast<std::uint64_t>(monotonic_ns());
   pace(1000, seconds, [&](long) {
     ++s.number;
@@ -164,7 +164,7 @@ void dying(const Domain& domain, double seconds) {
 }
 
 // RTPS by hand, to every participant there is.
-void packets(const Domain& domain, double seconds) {
+void packets(const Domain& domain, const AttackTarget&, double seconds) {
   PacketAttack options;
   options.domain = domain.id();
   options.seconds = seconds;
@@ -174,8 +174,8 @@ void packets(const Domain& domain, double seconds) {
   attack_with_packets(options);
 }
 
-const std::map<std::string, void (*)(const Domain&, double)>& table() {
-  static const std::map<std::string, void (*)(const Domain&, double)> attacks{
+const std::map<std::string, void (*)(const Domain&, const AttackTarget&, double)>& table() {
+  static const std::map<std::string, void (*)(const Domain&, const AttackTarget&, double)> attacks{
       {"lies", lies},       {"backwards", backwards}, {"flood", flood}, {"crowd", crowd},
       {"doubles", doubles}, {"types", types},         {"dying", dying}, {"packets", packets}};
   return attacks;
@@ -189,11 +189,11 @@ const std::vector<std::string>& attacks() {
   return names;
 }
 
-void attack(const std::string& name, double seconds, std::uint32_t domain) {
+void attack(const std::string& name, double seconds, const AttackTarget& target) {
   const auto found = table().find(name);
   if (found == table().end()) throw std::invalid_argument("no such attack: " + name);
-  const Domain own(domain, read_dds_profile("loopback"));
-  found->second(own, seconds);
+  const Domain own(target.domain, read_dds_profile("loopback"));
+  found->second(own, target, seconds);
 }
 
 }  // namespace hapticd

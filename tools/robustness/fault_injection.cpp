@@ -1,5 +1,6 @@
 // haptic abuse: every attack (attack.h) on a daemon, one after another and all at once, under a client that
-// behaves.
+// behaves. With two hands the attacked device is its neighbour in the same tissue, first the one and then the
+// other.
 #include <signal.h>
 #include <unistd.h>
 
@@ -35,7 +36,8 @@ struct AbuseOptions {
   double seconds = 2;
   std::string json, attack, mode = "tick";
   bool force = false;
-  std::uint32_t domain = 0;
+  int hands = 1;
+  AttackTarget target;
 };
 
 // Down onto the cube in a second, then still.
@@ -104,14 +106,36 @@ std::string text_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
+std::vector<std::string> daemon_command(const AbuseOptions& options, const Scene& scene,
+                                        const fs::path& figures) {
+  std::vector<std::string> command = {beside_this_program("hapticd"),
+                                      scene.file.string(),
+                                      "--test-hooks",
+                                      "--mode",
+                                      options.mode,
+                                      "--domain",
+                                      std::to_string(options.target.domain),
+                                      "--json",
+                                      figures.string()};
+  if (options.hands == 1) command.insert(command.end(), {"--also", "touch"});
+  return command;
+}
+
+// One device's figures in the daemon's summary, which has the first one's at the top.
+const nlohmann::json& figures_of(const nlohmann::json& daemon, std::uint32_t device) {
+  if (daemon.at("device_id") != device)
+    for (const nlohmann::json& other : daemon.at("more_devices"))
+      if (other.at("device_id") == device) return other;
+  return daemon;
+}
+
+// Under one client that behaves.
 class Abuse {
  public:
   Abuse(const AbuseOptions& options, const Scene& scene, const fs::path& scratch)
       : options_(options),
         scene_(scene),
-        daemon_({.command = {beside_this_program("hapticd"), scene.file.string(), "--also", "touch",
-                             "--test-hooks", "--mode", options.mode, "--domain",
-                             std::to_string(options.domain), "--json", (scratch / "hapticd.json").string()},
+        daemon_({.command = daemon_command(options, scene, scratch / "hapticd.json"),
                  .output = (scratch / "hapticd.log").string()}),
         figures_(scratch / "hapticd.json"),
         log_(scratch / "hapticd.log") {
@@ -121,7 +145,8 @@ class Abuse {
       throw std::runtime_error("hapticd did not start: " + text_of(log_));
   }
 
-  int run();
+  // The report; it ends with the verdict.
+  Json run();
 
  private:
   void stages();
@@ -130,7 +155,8 @@ class Abuse {
     char text[32];
     std::snprintf(text, sizeof text, "%.3f", seconds);
     return {.command = {beside_this_program("haptic"), "abuse", "--attack", name, "--seconds", text,
-                        "--domain", std::to_string(options_.domain)}};
+                        "--domain", std::to_string(options_.target.domain), "--attacked",
+                        std::to_string(options_.target.own)}};
   }
   template <typename F>
   void stage(const std::string& name, bool held, F&& f) {
@@ -165,14 +191,14 @@ class Abuse {
     daemon_.signal(SIGRTMIN, milliseconds);
     usleep(static_cast<useconds_t>(1000 * milliseconds + 600'000));
   }
-  int report(const Session& session);
+  Json report(const Session& session);
 
   const AbuseOptions options_;
   const Scene& scene_;
   Child daemon_;
   fs::path figures_, log_;
   std::vector<Stage> stages_;
-  double other_force_max_ = 0;  // device 1's
+  double other_force_max_ = 0;  // the attackers' own device's
   bool other_finite_ = true;
 };
 
@@ -199,10 +225,10 @@ void Abuse::stages() {
   stage("none, after", false, [this] { quiet(); });
 }
 
-int Abuse::run() {
+Json Abuse::run() {
   SessionOptions options;
-  options.client.domain = options_.domain;
-  options.client.device_id = scene_.device.id;
+  options.client.domain = options_.target.domain;
+  options.client.device_id = options_.target.behaving;
   // Enough slots; the run ends when the stages do.
   const double bound = 30 + 20 * options_.seconds;
   Session session(options, static_cast<std::int64_t>(1e3 * bound));
@@ -214,7 +240,7 @@ int Abuse::run() {
   try {
     session.client.run(source, [&](std::int64_t reached) {
       forces.take_each([&](const hapticd_msg_ForceCommand& m, const dds_sample_info_t&) {
-        if (m.device_id == scene_.device.id) return;
+        if (m.device_id != options_.target.own) return;
         const Vec3 f(m.force[0], m.force[1], m.force[2]);
         other_finite_ = other_finite_ && f.allFinite();
         other_force_max_ = std::max(other_force_max_, f.norm());
@@ -223,7 +249,7 @@ int Abuse::run() {
         attacking = std::thread([&] {
           stages();
           over = true;
-          raise(SIGINT);  // as a person would end it: the client lets go in order
+          session.client.leave();
         });
     });
   } catch (...) {
@@ -235,11 +261,12 @@ int Abuse::run() {
   return report(session);
 }
 
-int Abuse::report(const Session& session) {
+Json Abuse::report(const Session& session) {
   const bool alive = daemon_.running();
   daemon_.signal(SIGTERM);
   const bool ended_well = daemon_.wait(5) == 0;
-  const double maximum = scene_.device.max_force, step = 1e-3 * scene_.device.max_force_rate;
+  // Both devices have the same limits.
+  const double maximum = scene_.first().device.max_force, step = 1e-3 * scene_.first().device.max_force_rate;
   bool good = alive && ended_well && other_finite_ && other_force_max_ <= maximum * (1 + 1e-9);
   Json j, list = Json::array();
   Table table;
@@ -269,6 +296,7 @@ int Abuse::report(const Session& session) {
   const nlohmann::json daemon = nlohmann::json::parse(text_of(figures_), nullptr, false);
   j["command"] = "abuse";
   j["mode"] = options_.mode;
+  j["device_id"] = options_.target.behaving;
   j["realtime"] = session.client.grant().granted;
   j["stages"] = list;
   j["force_limit_n"] = maximum;
@@ -276,37 +304,58 @@ int Abuse::report(const Session& session) {
   j["attacked_device_force_max_n"] = other_force_max_;
   j["daemon_survived"] = alive && ended_well;
   if (daemon.is_object()) {
-    j["conflicts"] = daemon.value("conflicts", 0);
-    j["wake_us"] = daemon.at("wake_us");
+    const nlohmann::json& own = figures_of(daemon, options_.target.behaving);
+    j["conflicts"] = own.value("conflicts", 0);
+    j["wake_us"] = own.at("wake_us");
     j["allocations_in_haptic_code"] = daemon.value("allocations_in_haptic_code", -1);
     j["allocations_in_device_port"] = daemon.value("allocations_in_device_port", -1);
-    j["page_faults"] = daemon.value("page_faults", -1);
-    if (daemon.contains("more_devices"))
-      j["states_rejected_of_the_attacked"] = daemon.at("more_devices").at(0).at("states_rejected");
+    j["page_faults"] = own.value("page_faults", -1);
+    j["states_rejected_of_the_attacked"] = figures_of(daemon, options_.target.own).at("states_rejected");
   }
   j["verdict"] = good ? "pass" : "fail";
-  if (!options_.json.empty()) write_json(options_.json, j);
   table.emplace_back("the attacked device", fixed(other_force_max_, 3) + " N at most");
   table.emplace_back("daemon", alive && ended_well ? "alive to the end" : "DIED");
+  if (options_.hands > 1)
+    std::printf("device %u, attacked: device %u\n", options_.target.behaving, options_.target.own);
   print(table);
-  std::printf("verdict: %s\n", good ? "pass" : "fail");
-  return good ? 0 : 1;
+  return j;
 }
 
-int abuse(const AbuseOptions& options) {
+Json abuse_either(AbuseOptions options, const Scene& scene, const fs::path& scratch) {
+  Json j{{"command", "abuse"}, {"mode", options.mode}, {"hands", 2}, {"devices", Json::array()}};
+  bool good = true;
+  for (int behaving = 0; behaving < 2; ++behaving) {
+    options.target.behaving = scene.instruments[static_cast<std::size_t>(behaving)].device.id;
+    options.target.own = scene.instruments[static_cast<std::size_t>(1 - behaving)].device.id;
+    j["devices"].push_back(Abuse(options, scene, scratch).run());
+    good = good && j["devices"].back().at("verdict") == "pass";
+    fs::remove(scratch / "hapticd.log");  // it tells when the next daemon is ready
+  }
+  j["verdict"] = good ? "pass" : "fail";
+  return j;
+}
+
+int abuse(AbuseOptions options) {
+  options.target.behaving = options.target.own == 0 ? 1 : 0;
   if (!options.attack.empty()) {
-    attack(options.attack, options.seconds, options.domain);
+    attack(options.attack, options.seconds, options.target);
     return 0;
   }
   OutputRule(options.force).require_figures("--json", options.json);
-  const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
+  const Scene scene =
+      read_scene(config_directory() / "scenes/cube" / (options.hands > 1 ? "two_hands.yaml" : "cube.yaml"));
   const fs::path scratch = fs::temp_directory_path() / ("haptic-abuse-" + std::to_string(getpid()));
   fs::create_directories(scratch);
   const std::unique_ptr<const fs::path, void (*)(const fs::path*)> gone(&scratch, [](const fs::path* p) {
     std::error_code e;
     fs::remove_all(*p, e);
   });
-  return Abuse(options, scene, scratch).run();
+  const Json j =
+      options.hands > 1 ? abuse_either(options, scene, scratch) : Abuse(options, scene, scratch).run();
+  if (!options.json.empty()) write_json(options.json, j);
+  const std::string verdict = j.at("verdict");
+  std::printf("verdict: %s\n", verdict.c_str());
+  return verdict == "pass" ? 0 : 1;
 }
 
 }  // namespace
@@ -321,7 +370,11 @@ Command add_abuse(CLI::App& application) {
   app->add_option("--mode", options->mode, "of the daemon")
       ->check(CLI::IsMember({"tick", "event"}))
       ->capture_default_str();
-  app->add_option("--domain", options->domain, "DDS domain")
+  app->add_option("--hands", options->hands,
+                  "2: in one tissue; either is attacked, and the other one watched")
+      ->check(CLI::Range(1, 2))
+      ->capture_default_str();
+  app->add_option("--domain", options->target.domain, "DDS domain")
       ->check(CLI::Range(0u, 230u))
       ->capture_default_str();
   app->add_option("--json", options->json, "write the figures to this file")->type_name("FILE");
@@ -329,6 +382,9 @@ Command add_abuse(CLI::App& application) {
   app->add_option("--attack", options->attack,
                   "only this one, on the daemon that runs in --domain (attack.h)")
       ->check(CLI::IsMember(attacks()));
+  app->add_option("--attacked", options->target.own, "with --attack: the attackers' own device")
+      ->check(CLI::Range(0u, 1u))
+      ->capture_default_str();
   app->footer(
       "Example: haptic abuse --seconds 2 --json abuse.json\n"
       "Exit code 0 only if the well-behaved client's force stayed bounded and its slots answered "

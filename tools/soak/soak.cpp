@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -46,18 +47,19 @@ class Soak {
       : options_(options),
         scratch_(scratch),
         load_(options.load / 100),
-        of_tick_(*trajectory_of(scene)),
-        of_event_(trajectory_),
         core_(process_cores().back()),
         client_core_(process_cores().front()) {
     has_cyclictest_ = is_installed("cyclictest") && realtime_allowed();  // it ends without that right
     has_ddsperf_ = is_installed("ddsperf");
     tool_domain_ = options.client.domain + 2;
-    record_.scene = options.scene;
-    record_.mode = options.attach ? "attached" : options.mode;
-    record_.duration = options.duration;
-    record_.load = options.load;
-    record_.own = !options.attach;
+    add_hands(scene);
+    SoakRecord record;
+    record.scene = options.scene;
+    record.mode = options.attach ? "attached" : options.mode;
+    record.duration = options.duration;
+    record.load = options.load;
+    record.own = !options.attach;
+    records_.assign(tick_hands_.size(), record);
     if (options.attach) return;
     const std::uint32_t d = options.client.domain;
     if (options.mode != "event")
@@ -72,34 +74,49 @@ class Soak {
     const CpuTimes before = cpu_times();
     Progress progress("soak");
     for (int c = 0; c < cycles && !interrupted(); ++c) {
-      SoakFigures part =
+      const std::vector<SoakFigures> parts =
           cycle(seconds, [&](const char* what, double done) { progress.show((c + done) / cycles, what); });
-      if (c == 0) record_.first_rss_mb = part.rss_mb;
-      record_.all.merge(part);
       const auto minute = static_cast<std::size_t>((c + 0.5) * seconds / 60);
-      record_.minutes.resize(minute + 1);
-      record_.minutes.back().merge(part);
+      for (std::size_t i = 0; i < parts.size(); ++i) {
+        SoakRecord& record = records_[i];
+        if (c == 0) record.first_rss_mb = parts[i].rss_mb;
+        record.all.merge(parts[i]);
+        record.minutes.resize(minute + 1);
+        record.minutes.back().merge(parts[i]);
+      }
     }
     if (interrupted()) throw std::runtime_error("interrupted");
     const CpuTimes after = cpu_times();
     const double total = after.busy + after.idle + after.steal - before.busy - before.idle - before.steal;
-    record_.busy = (after.busy - before.busy) / total;
-    record_.steal = (after.steal - before.steal) / total;
-    for (const SoakDaemon* server : {tick_.get(), event_.get()})
-      if (server) record_.summaries.push_back(server->last());
+    for (SoakRecord& record : records_) {
+      record.busy = (after.busy - before.busy) / total;
+      record.steal = (after.steal - before.steal) / total;
+      for (const SoakDaemon* server : {tick_.get(), event_.get()})
+        if (server) record.summaries.push_back(server->last());
+    }
   }
 
-  const SoakRecord& record() const { return record_; }
+  // One of each hand.
+  const std::vector<SoakRecord>& records() const { return records_; }
+  std::uint32_t device_id(std::size_t i) const { return tick_hands_[i].device_id; }
 
  private:
-  const Trajectory* trajectory_of(const Scene& scene) {
-    trajectory_ = read_trajectory(*scene.trajectory, LengthUnit::metre);
-    return &trajectory_;
+  // Each hand begins elsewhere in its motion: two that move alike would hide what one does to the other.
+  void add_hands(const Scene& scene) {
+    for (int i = 0; i < options_.hands; ++i) {
+      const SceneInstrument& held = scene.instruments[static_cast<std::size_t>(i)];
+      const Trajectory& motion =
+          trajectories_.emplace_back(read_trajectory(*held.trajectory, LengthUnit::metre));
+      const double begin = i * (motion.end() - motion.begin()) / 3;
+      const std::uint32_t id = options_.attach && i == 0 ? options_.client.device_id : held.device.id;
+      tick_hands_.push_back({id, sources_.emplace_back(motion, begin)});
+      event_hands_.push_back({id, sources_.emplace_back(motion, begin)});
+    }
   }
 
   template <typename Show>
-  SoakFigures cycle(double seconds, Show&& show) {
-    SoakFigures f;
+  std::vector<SoakFigures> cycle(double seconds, Show&& show) {
+    std::vector<SoakFigures> f(records_.size());
     const double slice = seconds / slices_per_cycle;
     auto progress = [&, n = 0](const char* what) mutable { show(what, double(n++) / slices_per_cycle); };
     for (const bool second : {false, true}) {
@@ -114,58 +131,140 @@ class Soak {
         add_event(slice, f);
     }
     for (const SoakDaemon* server : {tick_.get(), event_.get()})
-      if (server) f.rss_mb += server->resident_mb();
+      for (SoakFigures& of : f)
+        if (server) of.rss_mb += server->resident_mb();
     return f;
   }
 
   bool attached(bool to_event) const { return options_.attach && (options_.mode == "event") == to_event; }
-  void add_tick(double seconds, SoakFigures& f) {
+  void add_tick(double seconds, std::vector<SoakFigures>& f) {
     if (!tick_ && !attached(false)) return;
-    const ServerFigures slice = client_slice(options_.client, client_core_, tick_.get(), of_tick_, seconds);
-    f.tick.merge(slice);
-    record_.wake_slices_us.push_back(slice.wake_us);
+    const std::vector<ServerFigures> slice =
+        client_slice(options_.client, client_core_, tick_.get(), tick_hands_, seconds);
+    for (std::size_t i = 0; i < f.size(); ++i) {
+      f[i].tick.merge(slice[i]);
+      records_[i].wake_slices_us.push_back(slice[i].wake_us);
+    }
   }
-  void add_event(double seconds, SoakFigures& f) {
-    if (event_ || attached(true))
-      f.event.merge(client_slice(options_.client, client_core_, event_.get(), of_event_, seconds));
+  void add_event(double seconds, std::vector<SoakFigures>& f) {
+    if (!event_ && !attached(true)) return;
+    const std::vector<ServerFigures> slice =
+        client_slice(options_.client, client_core_, event_.get(), event_hands_, seconds);
+    for (std::size_t i = 0; i < f.size(); ++i) f[i].event.merge(slice[i]);
   }
-  void add_cyclictest(double seconds, SoakFigures& f) {
+  void add_cyclictest(double seconds, std::vector<SoakFigures>& f) {
     if (!has_cyclictest_ || interrupted()) return;
     const Tally slice =
         with_hidden_wakeups(run_cyclictest(seconds, core_, haptic_priority, scratch_.string()));
-    f.cyclictest_us.merge(slice);
-    record_.cyclictest_slices_us.push_back(slice);
+    for (std::size_t i = 0; i < f.size(); ++i) {
+      f[i].cyclictest_us.merge(slice);
+      records_[i].cyclictest_slices_us.push_back(slice);
+    }
   }
-  void add_ddsperf(double seconds, SoakFigures& f) {
-    if (has_ddsperf_ && !interrupted())
-      f.ddsperf.merge(
-          run_ddsperf(seconds, core_, client_core_, static_cast<int>(tool_domain_), scratch_.string()));
+  void add_ddsperf(double seconds, std::vector<SoakFigures>& f) {
+    if (!has_ddsperf_ || interrupted()) return;
+    const PingFigures figures =
+        run_ddsperf(seconds, core_, client_core_, static_cast<int>(tool_domain_), scratch_.string());
+    for (SoakFigures& of : f) of.ddsperf.merge(figures);
   }
 
   SoakOptions options_;
   fs::path scratch_;
   Load load_;  // before anything makes threads
-  Trajectory trajectory_;
-  SwingSource of_tick_, of_event_;  // each daemon's motion goes on where it was
+  std::deque<Trajectory> trajectories_;
+  std::deque<SwingSource> sources_;
+  std::vector<SoakHand> tick_hands_, event_hands_;  // each daemon's motion goes on where it was
   // Of the haptic thread, cyclictest and pong; of the client and ping: a round trip within a core costs half
   // as much.
   int core_, client_core_;
   std::uint32_t tool_domain_ = 0;
   bool has_cyclictest_ = false, has_ddsperf_ = false;
   std::unique_ptr<SoakDaemon> tick_, event_;
-  SoakRecord record_;
+  std::vector<SoakRecord> records_;  // one of each hand
 };
+
+Json list_of(const std::vector<SoakCheck>& checks) {
+  Json list = Json::array();
+  for (const SoakCheck& c : checks)
+    list.push_back({{"what", c.what},
+                    {"value", c.known ? Json(rounded(c.value, 4)) : Json()},
+                    {"limit", rounded(c.limit, 4)},
+                    {"kept", c.kept()}});
+  return list;
+}
+
+// Of one hand, with its checks and verdict.
+Json judged(const SoakRecord& record, std::vector<SoakCheck>& checks) {
+  Json json = soak_report(record, checks);
+  json["checks"] = list_of(checks);
+  json["verdict"] = verdict_of(checks);
+  print_soak(json, checks);
+  return json;
+}
+
+// Of several hands: what one has at the top has each in `devices`.
+Json judged_each(const Soak& run, const SoakOptions& options, std::string& verdict) {
+  Json json{{"command", "soak"},
+            {"scene", options.scene},
+            {"mode", options.attach ? "attached" : options.mode},
+            {"hands", options.hands},
+            {"duration_s", options.duration},
+            {"load_percent", options.load},
+            {"devices", Json::array()}};
+  std::vector<SoakCheck> all;
+  for (std::size_t i = 0; i < run.records().size(); ++i) {
+    const std::string name = "device " + std::to_string(run.device_id(i));
+    std::printf("%s\n", name.c_str());
+    std::vector<SoakCheck> checks;
+    Json device{{"device_id", run.device_id(i)}};
+    device.update(judged(run.records()[i], checks));
+    json["devices"].push_back(device);
+    for (SoakCheck& c : checks) c.what = name + ": " + c.what;
+    all.insert(all.end(), checks.begin(), checks.end());
+  }
+  verdict = verdict_of(all);
+  json["checks"] = list_of(all);
+  json["verdict"] = verdict;
+  return json;
+}
+
+// soak.json, and soak.png or one of each device.
+void write_out(const fs::path& folder, const Json& json, const fs::path& scratch) {
+  write_json((folder / "soak.json").string(), json);
+  const auto draw = [&](const fs::path& figures, const fs::path& picture) {
+    Child plot({.command = {"/usr/bin/python3", script_file("plot_soak.py").string(), figures.string(),
+                            picture.string()},
+                .output = (scratch / "plot.txt").string()});
+    if (plot.wait(60) != 0)
+      throw std::runtime_error("the histograms could not be drawn: " + text_of(scratch / "plot.txt"));
+  };
+  if (!json.contains("devices")) return draw(folder / "soak.json", folder / "soak.png");
+  for (const Json& device : json.at("devices")) {
+    write_json((scratch / "device.json").string(), device);
+    draw(scratch / "device.json", folder / ("soak_" + device.at("device_id").dump() + ".png"));
+  }
+}
+
+void require_hands(const SoakOptions& options, const Scene& scene) {
+  if (static_cast<int>(scene.instruments.size()) < options.hands)
+    throw UsageError(options.scene + ": has fewer instruments than --hands");
+  for (int i = 0; i < options.hands; ++i)
+    if (!scene.instruments[static_cast<std::size_t>(i)].trajectory)
+      throw UsageError(options.scene + ": has no trajectory to move along" +
+                       (i > 0 ? " for each of its instruments" : ""));
+}
 
 }  // namespace
 
 int soak(SoakOptions options) {
-  if (options.scene.empty()) options.scene = (config_directory() / "scenes/cube/cube.yaml").string();
+  if (options.scene.empty())
+    options.scene =
+        (config_directory() / "scenes/cube" / (options.hands > 1 ? "two_hands.yaml" : "cube.yaml")).string();
   const OutputRule rule(options.force);
   rule.require_figures("--json", options.json);
   rule.require_figures_folder("--out", options.out, "soak.json", "soak");
   const Scene scene = read_scene(options.scene);
-  if (!scene.trajectory) throw UsageError(options.scene + ": has no trajectory to move along");
-  options.client.device_id = options.attach ? options.client.device_id : scene.device.id;
+  require_hands(options, scene);
   const fs::path scratch = fs::temp_directory_path() / ("haptic-soak-" + std::to_string(getpid()));
   fs::create_directories(scratch);
   const std::unique_ptr<const fs::path, void (*)(const fs::path*)> gone(&scratch, [](const fs::path* p) {
@@ -180,28 +279,17 @@ int soak(SoakOptions options) {
   Soak run(options, scene, scratch);
   run.run();
 
-  std::vector<SoakCheck> checks;
-  Json json = soak_report(run.record(), checks);
-  const std::string verdict = verdict_of(checks);
-  Json list = Json::array();
-  for (const SoakCheck& c : checks)
-    list.push_back({{"what", c.what},
-                    {"value", c.known ? Json(rounded(c.value, 4)) : Json()},
-                    {"limit", rounded(c.limit, 4)},
-                    {"kept", c.kept()}});
-  json["checks"] = list;
-  json["verdict"] = verdict;
-  if (!options.json.empty()) write_json(options.json, json);
-  print_soak(json, checks);
-  if (!options.out.empty()) {
-    const std::string file = (fs::path(options.out) / "soak.json").string();
-    write_json(file, json);
-    Child plot({.command = {"/usr/bin/python3", script_file("plot_soak.py").string(), file,
-                            (fs::path(options.out) / "soak.png").string()},
-                .output = (scratch / "plot.txt").string()});
-    if (plot.wait(60) != 0)
-      throw std::runtime_error("the histograms could not be drawn: " + text_of(scratch / "plot.txt"));
+  std::string verdict;
+  Json json;
+  if (options.hands > 1) {
+    json = judged_each(run, options, verdict);
+  } else {
+    std::vector<SoakCheck> checks;
+    json = judged(run.records().front(), checks);
+    verdict = json.at("verdict");
   }
+  if (!options.json.empty()) write_json(options.json, json);
+  if (!options.out.empty()) write_out(options.out, json, scratch);
   std::printf("verdict: %s\n", verdict.c_str());
   return verdict == "pass" ? 0 : 1;
 }
@@ -217,7 +305,11 @@ Command add_soak(CLI::App& application) {
   app->add_option("--load", options->load, "keep every core busy for this share of the time [%]")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app->add_option("--scene", options->scene, "default: the cube")->type_name("SCENE.yaml");
+  app->add_option("--hands", options->hands, "devices of one world, a client and bounds for each")
+      ->check(CLI::Range(1, 2))
+      ->capture_default_str();
+  app->add_option("--scene", options->scene, "default: the cube, for two hands with two instruments")
+      ->type_name("SCENE.yaml");
   app->add_option("--mode", options->mode, "of the daemon; both: one of each, in turns")
       ->check(CLI::IsMember({"both", "tick", "event"}))
       ->capture_default_str();

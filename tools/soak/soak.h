@@ -1,6 +1,7 @@
 // haptic soak: the daemon under a client for a long time, measured against public tools in the same minutes.
 //
-// One daemon per mode, of which only one is awake at a time. The run is cycles of some 12 s, each with six
+// With `hands` 2 each daemon has a client on each of two devices of one world, and every device has a report and
+// bounds of its own. One daemon per mode, of which only one is awake at a time. The run is cycles of some 12 s, each with six
 // slices: a client on the daemon in mode `tick`; cyclictest; a client on the daemon in mode `event`; `tick` and
 // cyclictest once more; ddsperf.
 // While a tool has its slice both daemons are stopped (SIGSTOP), so that neither is measured through the
@@ -20,6 +21,7 @@ namespace hapticd {
 struct SoakOptions {
   double duration = 60;  // [s], arming not counted
   double load = 0;       // [%] of each core
+  int hands = 1;         // devices of one world
   std::string json, out, scene, mode = "both";
   bool force = false;
   bool attach = false;

@@ -16,6 +16,14 @@ std::string text_of(const std::filesystem::path& file) {
 
 }  // namespace
 
+const nlohmann::json& device_summary(const nlohmann::json& summary, std::uint32_t device) {
+  if (summary.at("device_id") == device) return summary;
+  if (summary.contains("more_devices"))
+    for (const nlohmann::json& other : summary.at("more_devices"))
+      if (other.at("device_id") == device) return other;
+  throw std::runtime_error("hapticd gave no figures of device " + std::to_string(device));
+}
+
 SoakDaemon::SoakDaemon(const std::string& scene, const std::string& mode, std::uint32_t domain,
                        const std::filesystem::path& scratch)
     : domain_(domain),

@@ -13,6 +13,10 @@
 
 namespace hapticd {
 
+// One device's figures in a daemon's summary, which has the first one's at the top. Throws std::runtime_error where
+// there is no such device.
+const nlohmann::json& device_summary(const nlohmann::json& summary, std::uint32_t device);
+
 class SoakDaemon {
  public:
   // Returns when it is ready, and stopped.

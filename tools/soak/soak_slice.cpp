@@ -1,8 +1,15 @@
 #include "tools/soak/soak_slice.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <optional>
 #include <stdexcept>
+#include <thread>
 
 #include "server/os/realtime.h"
 
@@ -13,7 +20,11 @@ Tally difference(const nlohmann::json& after, const nlohmann::json& before, cons
   return tally_from(after.at(key)).since(tally_from(before.at(key)));
 }
 
-ServerFigures between(const nlohmann::json& before, const nlohmann::json& after) {
+// Of one device.
+ServerFigures between(const nlohmann::json& all_before, const nlohmann::json& all_after,
+                      std::uint32_t device) {
+  const nlohmann::json &before = device_summary(all_before, device),
+                       &after = device_summary(all_after, device);
   ServerFigures f;
   f.wake_us = difference(after, before, "wake_histogram");
   f.timer_us = difference(after, before, "timer_histogram");
@@ -29,7 +40,8 @@ ServerFigures between(const nlohmann::json& before, const nlohmann::json& after)
   f.misses = count("haptic_deadline_misses");
   f.late_states = count("late_states");
   f.steps = count("sim_steps");
-  f.seconds = 1e-9 * static_cast<double>(count("time_ns"));
+  f.seconds = 1e-9 * static_cast<double>(all_after.at("time_ns").get<std::int64_t>() -
+                                         all_before.at("time_ns").get<std::int64_t>());
   return f;
 }
 
@@ -50,6 +62,92 @@ void add_answers(const DeviceClient& client, ServerFigures& f, bool all) {
     before = arrived;
   }
 }
+
+// What the client itself measured.
+void add_round_trips(const DeviceClient& client, ServerFigures& f) {
+  const SlotBook& book = client.book();
+  for (std::int64_t k = 0; k < book.scheduled(); ++k) {
+    if (book.answered_ns(k) == 0) continue;
+    const double us = 1e-3 * static_cast<double>(book.answered_ns(k) - book.sent_ns(k));
+    f.rtt_us.add(std::round(10 * us) / 10);
+    f.rtt_less_compute_us.add(std::round(10 * (us - client.answer(k).solve_us)) / 10);
+  }
+  f.scheduled = book.scheduled();
+  f.sent = book.sent();
+  f.answered = book.answered();
+}
+
+// A hand beside the first one, whose session has domain and thread.
+struct FurtherClient {
+  Participant participant;
+  DeviceClient client;
+  std::thread thread = {};
+
+  FurtherClient(const Domain& domain, const ClientSettings& settings, std::int64_t slots)
+      : participant(domain), client(participant, settings, slots) {}
+};
+
+// All clients of a slice.
+class Clients {
+ public:
+  Clients(SessionOptions options, const std::vector<SoakHand>& hands, std::int64_t slots)
+      : hands_(hands), start_(static_cast<int>(hands.size())) {
+    // One hand alone begins when it is armed.
+    if (hands.size() > 1) options.client.start = &start_;
+    session_.emplace(options, slots);
+    for (std::size_t i = 1; i < hands.size(); ++i) {
+      ClientSettings settings = options.client;
+      settings.device_id = hands[i].device_id;
+      further_.emplace_back(session_->domain, settings, slots);
+    }
+  }
+  ~Clients() { end(); }
+
+  // poll: as DeviceClient::run's; the slots of all are the same to a period.
+  void run(const std::function<void(std::int64_t)>& poll) {
+    for (std::size_t i = 0; i < further_.size(); ++i)
+      further_[i].thread = std::thread([this, i] { run_further(further_[i], hands_[i + 1].source); });
+    session_->client.run(hands_.front().source, [&](std::int64_t reached) {
+      if (failed_.load()) session_->client.leave();
+      poll(reached);
+    });
+    for (FurtherClient& f : further_) {
+      if (failed_.load()) f.client.leave();
+      f.thread.join();
+    }
+    if (failure_) std::rethrow_exception(failure_);
+    for (std::size_t i = 0; i < hands_.size(); ++i)
+      if (!client(i).complete()) throw std::runtime_error("interrupted");
+  }
+  const DeviceClient& client(std::size_t i) const {
+    return i == 0 ? session_->client : further_[i - 1].client;
+  }
+
+ private:
+  void run_further(FurtherClient& of, SwingSource& source) noexcept {
+    try {
+      of.client.run(source, [](std::int64_t) {});
+    } catch (...) {
+      const std::lock_guard lock(failing_);
+      failure_ = std::current_exception();
+      failed_.store(true);
+    }
+  }
+  void end() noexcept {
+    for (FurtherClient& f : further_) {
+      f.client.leave();
+      if (f.thread.joinable()) f.thread.join();
+    }
+  }
+
+  const std::vector<SoakHand>& hands_;
+  CommonStart start_;
+  std::optional<Session> session_;
+  std::deque<FurtherClient> further_;
+  std::mutex failing_;
+  std::exception_ptr failure_;
+  std::atomic<bool> failed_{false};
+};
 
 }  // namespace
 
@@ -93,47 +191,40 @@ nlohmann::ordered_json to_json(const ServerFigures& f) {
   return j;
 }
 
-ServerFigures client_slice(const ClientSettings& settings, int core, SoakDaemon* server, SwingSource& source,
-                           double seconds) {
+std::vector<ServerFigures> client_slice(const ClientSettings& settings, int core, SoakDaemon* server,
+                                        const std::vector<SoakHand>& hands, double seconds) {
   SessionOptions options;
   options.client = settings;
+  options.client.device_id = hands.front().device_id;
   if (server) {
     options.client.domain = server->domain();
     server->go_on();
   }
   const auto slots = static_cast<std::int64_t>(1e3 * seconds);
   const std::int64_t margin = 200;  // slots before the end at which the figures are asked for
-  ServerFigures figures;
+  std::vector<ServerFigures> figures(hands.size());
   {
-    const ScopedCore here(core);  // and every thread that the session makes
-    Session session(options, slots);
+    const ScopedCore here(core);  // and every thread that the clients make
+    Clients clients(options, hands, slots);
     nlohmann::json before, after;
-    session.client.run(source, [&](std::int64_t reached) {
+    clients.run([&](std::int64_t reached) {
       if (!server || reached < 0) return;
       if (before.is_null())
         before = server->summary();
       else if (after.is_null() && reached >= slots - margin)
         after = server->summary();
     });
-    if (!session.client.complete()) throw std::runtime_error("interrupted");
     if (server && (before.is_null() || after.is_null())) throw std::runtime_error("the slice was too short");
-    if (server)
-      figures = between(before, after);
-    else
-      figures.seconds = seconds;
-    add_answers(session.client, figures, server == nullptr);
-    const SlotBook& book = session.client.book();
-    for (std::int64_t k = 0; k < slots; ++k) {
-      if (book.answered_ns(k) == 0) continue;
-      const double us = 1e-3 * static_cast<double>(book.answered_ns(k) - book.sent_ns(k));
-      figures.rtt_us.add(std::round(10 * us) / 10);
-      figures.rtt_less_compute_us.add(std::round(10 * (us - session.client.answer(k).solve_us)) / 10);
+    for (std::size_t i = 0; i < hands.size(); ++i) {
+      if (server)
+        figures[i] = between(before, after, hands[i].device_id);
+      else
+        figures[i].seconds = seconds;
+      add_answers(clients.client(i), figures[i], server == nullptr);
+      add_round_trips(clients.client(i), figures[i]);
     }
-    figures.scheduled = book.scheduled();
-    figures.sent = book.sent();
-    figures.answered = book.answered();
   }
-  source.rest();
+  for (const SoakHand& hand : hands) hand.source.rest();
   if (server) server->stop();
   return figures;
 }

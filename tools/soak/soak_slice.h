@@ -1,8 +1,9 @@
-// One slice of a soak: a client on a daemon for some seconds, and what both saw.
+// One slice of a soak: a client for each device of a world on a daemon for some seconds, and what both saw.
 //
-// The client's motion is the scene's trajectory, forth and back for ever, without pedals. The daemon's
-// figures are the difference of two of its summaries, one behind the arming, one before letting go; of a
-// daemon that is not ours, those that the answers carry. Units are in the names. Errors: std::runtime_error.
+// A client's motion is its instrument's trajectory, forth and back for ever, without pedals. The daemon's
+// figures are the difference of two of its summaries, one behind the arming of all, one before the first lets
+// go; of a daemon that is not ours, those that the answers carry. Each client has a participant of its own.
+// Units are in the names. Errors: std::runtime_error.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -29,7 +30,9 @@ nlohmann::ordered_json to_json(const ServerFigures& figures);
 // The scene's motion, forth and back for ever, without pedals.
 class SwingSource final : public SlotSource {
  public:
-  explicit SwingSource(const Trajectory& trajectory) : trajectory_(trajectory) {}
+  // begin: of it, so that two hands need not move alike [s].
+  explicit SwingSource(const Trajectory& trajectory, double begin = 0)
+      : trajectory_(trajectory), offset_ms_(1e3 * begin), reached_ms_(offset_ms_) {}
   DeviceCommand first() const noexcept override { return pose_at(offset_ms_); }
   DeviceCommand at(std::int64_t k, std::int64_t, const NewestForce&, bool) noexcept override {
     reached_ms_ = offset_ms_ + static_cast<double>(k);
@@ -44,11 +47,18 @@ class SwingSource final : public SlotSource {
     return {sample_at(trajectory_, trajectory_.begin() + (t < length ? t : 2 * length - t)), 0};
   }
   const Trajectory& trajectory_;
-  double offset_ms_ = 0, reached_ms_ = 0;
+  double offset_ms_, reached_ms_;
 };
 
-// daemon: ours, or null: the one that runs in the settings' domain. The client's threads are on `core`.
-ServerFigures client_slice(const ClientSettings& settings, int core, SoakDaemon* daemon, SwingSource& source,
-                           double seconds);
+// A device and what moves it.
+struct SoakHand {
+  std::uint32_t device_id;
+  SwingSource& source;
+};
+
+// daemon: ours, or null: the one that runs in the settings' domain. The clients' threads are on `core`. Figures of
+// each hand.
+std::vector<ServerFigures> client_slice(const ClientSettings& settings, int core, SoakDaemon* daemon,
+                                        const std::vector<SoakHand>& hands, double seconds);
 
 }  // namespace hapticd

@@ -151,11 +151,17 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
         dissipated += damped + std::exchange(waiting, 0);
       else
         waiting = damped + (k == 0 ? 0 : waiting);
+      if (s.taken_elsewhere) continue;
       result.energy_min = std::min(result.energy_min, energy);
       result.surplus_min = std::min(result.surplus_min, energy + dissipated);
     }
+    // Of several hands only what all of them have put in by the end of a tick counts.
+    if (!s.taken_elsewhere) continue;
+    const double all = energy + s.taken_elsewhere();
+    result.energy_min = std::min(result.energy_min, all);
+    result.surplus_min = std::min(result.surplus_min, all + dissipated);
   }
-  result.surplus_end = energy + dissipated;
+  result.surplus_end = energy + dissipated + (s.taken_elsewhere ? s.taken_elsewhere() : 0);
   const Plateau one = plateau(result.ticks, first, s.press.hold),
                 two = plateau(result.ticks, second, s.press.hold);
   result.swing = std::max(one.swing, two.swing);

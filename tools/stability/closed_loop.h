@@ -42,6 +42,7 @@ struct ClosedLoopSettings {
   bool renumbered = false;           // states are numbered as they arrive: nobody can tell that one is old
   std::function<Vec3(double)> sway;  // added to the hand's target [m]; empty: none
   std::function<std::uint32_t(double)> buttons;  // empty: none is pressed
+  std::function<double()> taken_elsewhere;  // energy that the renderer took in at other hands since the start [J]
 };
 
 struct ClosedLoopTick {

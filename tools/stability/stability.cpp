@@ -14,6 +14,7 @@
 #include "server/scene/scene_reader.h"
 #include "tools/stability/stability_bench.h"
 #include "tools/stability/stability_stiffness.h"
+#include "tools/stability/two_hands/stability_two_hands.h"
 
 namespace hapticd {
 
@@ -23,7 +24,8 @@ namespace {
 constexpr std::uint32_t safe_states = status_ramping_down | status_disarmed | status_latched |
                                       status_problem_old | status_problem_lost | status_not_finite;
 
-// Tries both methods up the values until each has broken; false: stopped.
+// Tries both methods up the values until each has broken, the daemon to the end if the plan goes on; false:
+// stopped.
 bool sweep(StabilityMode& mode, const ModeProgress& progress) {
   const StabilityPlan& plan = mode.plan;
   const auto breaks = [&](const StabilityTrial& trial) { return !(trial.judged <= plan.limit); };
@@ -34,7 +36,7 @@ bool sweep(StabilityMode& mode, const ModeProgress& progress) {
     StabilityMode::Point point;
     point.value = value;
     point.has_naive = mode.naive_breaks_at == 0;
-    point.has_ours = mode.default_breaks_at == 0;
+    point.has_ours = mode.default_breaks_at == 0 || plan.goes_on;
     if (!point.has_naive && !point.has_ours) break;
     if (point.has_naive) {
       point.naive = plan.run_naive(value);
@@ -43,9 +45,11 @@ bool sweep(StabilityMode& mode, const ModeProgress& progress) {
     if (point.has_ours) {
       point.ours = plan.run_ours(value);
       reached = value;
-      mode.default_status = point.ours.status;
-      mode.default_says = point.ours.says;
-      if (breaks(point.ours)) mode.default_breaks_at = value;
+      if (mode.default_breaks_at == 0) {
+        mode.default_status = point.ours.status;
+        mode.default_says = point.ours.says;
+        if (breaks(point.ours)) mode.default_breaks_at = value;
+      }
     }
     mode.points.push_back(std::move(point));
   }
@@ -106,6 +110,22 @@ bool carved(const char*, StabilityBench&, const Settings& settings, StabilityCha
   return on;
 }
 
+bool strayed_together(const char*, StabilityBench&, const Settings& settings, StabilityChart& chart,
+                      const ModeProgress& progress) {
+  const Scene scene = read_scene(config_directory() / "scenes/two_hands/two_hands.yaml");
+  RandomSettings random;
+  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 2000 : 1'000'000;
+  random.seed = settings.random_seed;
+  bool on = true;
+  for (const int hands : {2, 1}) {
+    const double from = hands == 2 ? 0 : 0.7;
+    chart.random_two.push_back(run_random_two(
+        scene, hands, random, [&](double f) { return on = progress(from + (hands == 2 ? 0.7 : 0.3) * f); }));
+    if (!on) return false;
+  }
+  return true;
+}
+
 struct Entry {
   const char* name;
   bool (*run)(const char* name, StabilityBench&, const Settings&, StabilityChart&, const ModeProgress&);
@@ -137,8 +157,11 @@ constexpr Entry entries[] = {
     {"wedged tool", swept<plan_wedge>, 1},
     {"friction", swept<plan_friction>, 1},
     {"stiffness ratio", swept<plan_stiffness_ratio>, 1},
+    {"two hands", charted<chart_two_hands>, 60},
+    {"one hand late", swept<plan_one_late>, 3},
     {"random", strayed, 50},
     {"carve", carved, 50},
+    {"random two", strayed_together, 100},
 };
 
 }  // namespace
@@ -203,6 +226,8 @@ StabilityChart chart_stability(const Scene& cube, const StabilitySettings& setti
     join(chart.modes, part.modes);
     join(chart.random, part.random);
     join(chart.carve, part.carve);
+    join(chart.two_hands, part.two_hands);
+    join(chart.random_two, part.random_two);
   }
   return chart;
 }

@@ -2,9 +2,10 @@
 //
 // A mode (stability_mode.h) has a parameter, what is judged, the limit beyond which it counts as broken, a
 // naive method (this project's own left out, or what others do) and the daemon's default. A method breaks at
-// the first value at which what is judged is above the limit, or no number. Of mode `stiffness` and of the
-// grasps the last sound value is kept instead, for what is displayed beyond it cannot be said. Analytic
-// bounds are for a sampled spring wall K on a device of damping b, force held for T, delayed by t_d:
+// the first value at which what is judged is above the limit, or no number; modes of energy go on to the last
+// value, so that what holds beyond is known. Of mode `stiffness` and of the grasps the last sound value is kept
+// instead, for what is displayed beyond it cannot be said. Analytic bounds are for a sampled spring wall K on a
+// device of damping b, force held for T, delayed by t_d:
 //   K ≤ b / (T/2 + t_d)                (Colgate and Schenkel 1997, passivity, hand excluded)
 //   K ≤ 2 f_c / Δ                      (Abbott and Okamura 2005, quantum Δ, Coulomb friction f_c)
 // They are sufficient for any passive hand; the hand here damps too, so a loop may last beyond them.
@@ -20,6 +21,7 @@
 #include "tools/stability/stability_carve.h"
 #include "tools/stability/stability_mode.h"
 #include "tools/stability/stability_random.h"
+#include "tools/stability/two_hands/random_two_hands.h"
 
 namespace hapticd {
 
@@ -56,18 +58,27 @@ struct StiffnessPoint {
   double colgate = 0;  // 2 b/T
 };
 
+// One of two hands in one body, or of one alone there; what a wall displays to it beside it.
+struct TwoHandsPoint {
+  std::string body, other;  // what the other does
+  int hand = 1;
+  Largest ours, wall;
+};
+
 struct StabilityChart {
   std::vector<StiffnessPoint> map;  // over the device's damping
   std::vector<StiffnessPoint> grasps;
   std::vector<StabilityMode> modes;
   std::vector<RandomReport> random;
   std::vector<CarveReport> carve;
+  std::vector<TwoHandsPoint> two_hands;
+  std::vector<TwoHandsReport> random_two;  // two hands, then the first of them alone
 };
 
 struct StabilitySettings {
   bool quick = false;
   std::vector<std::string> only;  // modes by name; empty: all
-  std::int64_t random_ticks = 0;  // of modes `random` and `carve`; 0: 10⁶, quick 5000
+  std::int64_t random_ticks = 0;  // of modes `random`, `carve` and `random two`; 0: 10⁶, quick 5000
   std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
 };
 

@@ -13,7 +13,7 @@ constexpr double no_limit = 1e6;      // of the device: [N], [N/s]
 }  // namespace
 
 StabilityBench::StabilityBench(const Scene& cube) : scene_(cube) {
-  scene_.device.max_force = scene_.device.max_force_rate = no_limit;
+  scene_.first().device.max_force = scene_.first().device.max_force_rate = no_limit;
   press_.hand.mass = 0.1;
   press_.hand.stiffness = 300;
   press_.hand.damping = 4;
@@ -28,8 +28,8 @@ StabilityBench::StabilityBench(const Scene& cube) : scene_(cube) {
 ClosedLoopResult StabilityBench::daemon(double force_scale, const ClosedLoopSettings& s,
                                         const DaemonRendererOptions& options, double rate) const {
   Scene scene = scene_;
-  scene.device.force_scale = force_scale;
-  scene.device.quantum = s.hand.quantum;
+  scene.first().device.force_scale = force_scale;
+  scene.first().device.quantum = s.hand.quantum;
   scene.rate = rate;
   DaemonRenderer daemon(scene, options);
   return run_closed_loop(daemon, s);
@@ -49,10 +49,13 @@ double StabilityBench::displayed(double force_scale, const ClosedLoopResult& r) 
     s.hand.quantum = 0;
     slow_ = daemon(least_scale, s).ticks;
   }
-  const double wanted = r.force / force_scale;
+  return force_scale * slope_at(slow_, least_scale, r.force / force_scale);
+}
+
+double slope_at(const std::vector<ClosedLoopTick>& slow, double scale, double wanted) {
   double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
-  for (const ClosedLoopTick& tick : slow_) {
-    const double force = tick.force / least_scale;
+  for (const ClosedLoopTick& tick : slow) {
+    const double force = tick.force / scale;
     if (!(std::abs(force - wanted) < 0.25 * wanted)) continue;
     n += 1;
     sx += tick.depth;
@@ -61,7 +64,7 @@ double StabilityBench::displayed(double force_scale, const ClosedLoopResult& r) 
     sxy += tick.depth * force;
   }
   const double spread = n * sxx - sx * sx;
-  return spread > 0 ? force_scale * (n * sxy - sx * sy) / spread : 0;
+  return spread > 0 ? (n * sxy - sx * sy) / spread : 0;
 }
 
 ClosedLoopResult StabilityBench::wall(double stiffness, const ClosedLoopSettings& s,

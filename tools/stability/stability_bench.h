@@ -38,6 +38,10 @@ class StabilityBench {
   std::vector<ClosedLoopTick> slow_;
 };
 
+// Slope of a slow press's force over its depth, by least squares where it is within a quarter of `force` [N/m]; of
+// forces scaled by `scale`, taken out.
+double slope_at(const std::vector<ClosedLoopTick>& slow, double scale, double force);
+
 bool swings(const ClosedLoopResult& r, const HandSettings& hand);
 bool makes_energy(const ClosedLoopResult& r);
 

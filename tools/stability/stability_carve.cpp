@@ -239,9 +239,9 @@ class Episode {
  private:
   static Scene faster(Scene scene, std::uint64_t seed) {
     if (cuts_loose(seed))
-      scene.removal.rate *= 10;
+      scene.first().removal.rate *= 10;
     else if (seed % 2 == 0)
-      scene.removal.rate *= 3;
+      scene.first().removal.rate *= 3;
     return scene;
   }
   static DaemonRendererOptions options(std::uint64_t seed) {
@@ -251,7 +251,7 @@ class Episode {
   }
 
   std::optional<std::string> advance(std::int64_t i) {
-    const DeviceSettings& device = scene_.device;
+    const DeviceSettings& device = scene_.first().device;
     const Vec3 tip = script_.tip();
     DeviceSample sample;
     sample.sequence = static_cast<std::uint64_t>(i) + 1;
@@ -357,7 +357,7 @@ CarveReport run_carve(const Scene& cataract, const CarveSettings& settings,
   for (const CarveReport& part :
        run_episodes<CarveReport>(settings.ticks, settings.episode, settings.seed, run, progress))
     add(part, report);
-  report.device_max = cataract.device.max_force;
+  report.device_max = cataract.first().device.max_force;
   return report;
 }
 

@@ -30,12 +30,16 @@ nlohmann::ordered_json number_or_null(double value, int decimals) {
   return value > 0 ? nlohmann::ordered_json(rounded(value, decimals)) : nlohmann::ordered_json(nullptr);
 }
 
+// To six decimals; what is smaller than 1e-3, as errors and energies may be, whole.
+nlohmann::ordered_json judged_or_null(double judged) {
+  if (!std::isfinite(judged)) return nullptr;
+  return std::abs(judged) < 1e-3 ? judged : rounded(judged, 6);
+}
+
 nlohmann::ordered_json to_json(const StabilityTrial& trial) {
-  nlohmann::ordered_json j = {
-      {"judged", std::isfinite(trial.judged) ? nlohmann::ordered_json(rounded(trial.judged, 6))
-                                             : nlohmann::ordered_json(nullptr)},
-      {"status", trial.status}};
+  nlohmann::ordered_json j = {{"judged", judged_or_null(trial.judged)}, {"status", trial.status}};
   if (!trial.says.empty()) j["says"] = trial.says;
+  if (!trial.worst_of.empty()) j["worst_of"] = trial.worst_of;
   if (!trial.loop) return j;
   // Stability and passivity, each by itself.
   const ClosedLoopResult& r = *trial.loop;
@@ -168,6 +172,44 @@ nlohmann::ordered_json to_json(const CarveReport& r) {
   return j;
 }
 
+nlohmann::ordered_json to_json(const TwoHandsPoint& p) {
+  return {{"body", p.body},
+          {"hand", p.hand},
+          {"other", p.other},
+          {"default_n_m", rounded(p.ours.steady, 1)},
+          {"default_passive_n_m", rounded(p.ours.passive, 1)},
+          {"wall_n_m", rounded(p.wall.steady, 1)},
+          {"wall_passive_n_m", rounded(p.wall.passive, 1)},
+          {"over_wall", rounded(p.ours.steady / p.wall.steady, 3)},
+          {"over_wall_passive", rounded(p.ours.passive / p.wall.passive, 3)}};
+}
+
+nlohmann::ordered_json to_json(const TwoHandsReport& r) {
+  return {{"hands", r.hands},
+          {"ticks", r.ticks},
+          {"steps", r.steps},
+          {"in_contact", r.in_contact},
+          {"both_in_contact", r.both_in_contact},
+          {"touching", r.touching},
+          {"latched", r.latched},
+          {"saturated", r.saturated},
+          {"solver_caps", r.solver_caps},
+          {"removed", r.removed},
+          {"force_max_n", rounded(r.force_max, 5)},
+          {"device_max_n", r.device_max},
+          {"energy_made_mj", rounded(1e3 * r.made, 5)},
+          {"energy_made_by_episode_mj", rounded(1e3 * r.made_by_episode, 5)},
+          {"energy_absorbed_mj", rounded(1e3 * r.absorbed, 5)},
+          {"farthest_mm", rounded(1e3 * r.farthest, 4)},
+          {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
+          {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
+          {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
+          {"gained_j", r.gained},
+          {"energy_j", r.energy},
+          {"faulty", r.faulty},
+          {"faults", r.faults}};
+}
+
 nlohmann::ordered_json to_json(const DdsPress& p) {
   return {{"force_scale", p.force_scale},
           {"displayed_n_m", rounded(p.displayed, 1)},
@@ -190,6 +232,8 @@ nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
   for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
   for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
   for (const CarveReport& r : chart.carve) json["carve"].push_back(to_json(r));
+  for (const TwoHandsPoint& p : chart.two_hands) json["two_hands"].push_back(to_json(p));
+  for (const TwoHandsReport& r : chart.random_two) json["random_two"].push_back(to_json(r));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   return json;
@@ -203,6 +247,14 @@ std::string at(double value) {
                                                      : 0);
 }
 
+// What was judged at each value, of a mode that goes on where it breaks.
+void print_points(const StabilityMode& m) {
+  for (const StabilityMode::Point& p : m.points)
+    if (p.has_ours)
+      std::printf("  at %-8s %.1e of %.0e  %-6s  worst: %s\n", at(p.value).c_str(), p.ours.judged,
+                  m.plan.limit, p.ours.judged <= m.plan.limit ? "holds" : "BREAKS", p.ours.worst_of.c_str());
+}
+
 bool print(const StabilityChart& chart) {
   bool all = true;
   std::printf("%-20s %9s %9s %9s %9s\n", "mode", "naive", "default", "bound", "required");
@@ -211,6 +263,7 @@ bool print(const StabilityChart& chart) {
                 at(m.default_breaks_at).c_str(), at(m.plan.analytic_bound).c_str(),
                 at(m.plan.required).c_str(),
                 m.survives ? (m.ends_safe ? "safe state" : "survives") : "BREAKS");
+    if (m.plan.goes_on) print_points(m);
     all = all && m.survives;
   }
   for (const RandomReport& r : chart.random) {
@@ -234,6 +287,22 @@ bool print(const StabilityChart& chart) {
     for (const CarveFault& f : r.faults)
       std::printf("  seed %llu, tick %lld: %s\n", static_cast<unsigned long long>(f.seed),
                   static_cast<long long>(f.tick), f.what.c_str());
+    all = all && r.faults.empty();
+  }
+  for (const TwoHandsPoint& p : chart.two_hands)
+    std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f\n", p.body.c_str(), p.hand,
+                p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(), p.ours.steady / p.wall.steady,
+                p.ours.passive / p.wall.passive);
+  for (const TwoHandsReport& r : chart.random_two) {
+    std::printf(
+        "random, hands %d: %lld ticks, in contact %lld, both %lld, touching %lld, %d removed, largest force %.3f of %.1f "
+        "N, made %.4f mJ (%.4f an episode), farthest %.2f of %.2f mm, fastest %.1f of %.1f mm/s, pieces gained %.2g J of up to %.2g "
+        "J  %s\n",
+        r.hands, static_cast<long long>(r.ticks), static_cast<long long>(r.in_contact),
+        static_cast<long long>(r.both_in_contact), static_cast<long long>(r.touching), r.removed, r.force_max,
+        r.device_max, 1e3 * r.made, 1e3 * r.made_by_episode, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest,
+        1e3 * r.fastest_allowed, r.gained, r.energy, r.faults.empty() ? "sound" : "UNSOUND");
+    for (const std::string& f : r.faults) std::printf("  %s\n", f.c_str());
     all = all && r.faults.empty();
   }
   return all;
@@ -295,7 +364,7 @@ Command add_stability(CLI::App& application) {
       ->check(CLI::IsMember(stability_mode_names()));
   app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
-  app->add_option("--ticks", options->settings.random_ticks, "of random and carve, default a million")
+  app->add_option("--ticks", options->settings.random_ticks, "of random, carve and random two, default a million")
       ->check(CLI::PositiveNumber);
   app->add_option("--seed", options->settings.random_seed,
                   "of the first episode of random (40 000 ticks) and carve (100 000); the next has the next")

@@ -82,7 +82,7 @@ StabilityTrial left_alone(const Setup& setup, double young, const Way& way, bool
   settings.alarm_distance = 5e-3;
   settings.sample_spacing = 1.5e-3;
   settings.gravity = setup.gravity;
-  settings.coupling = {400, 0.04, 2e-3};
+  settings.coupling[0] = {400, 0.04, 2e-3};
   settings.compliance = way.method;
   settings.lead = lead / way.rate;
   settings.keeps_energy = keeps_energy;
@@ -132,6 +132,7 @@ StabilityPlan plan_of(bool quick, const Setup& setup) {
   plan.limit = 1e-6;
   plan.reason = "1 MPa: from the softest tissue to cartilage";
   plan.required = 1000;
+  plan.goes_on = true;
   plan.trace_y = "energy [mJ]";
   plan.values = quick ? std::vector<double>{1000} : std::vector<double>{1, 10, 100, 1000};
   plan.run_naive = [setup](double kpa) {
@@ -143,10 +144,9 @@ StabilityPlan plan_of(bool quick, const Setup& setup) {
     for (const Way& way : ways(quick)) {
       StabilityTrial trial = left_alone(setup, 1e3 * kpa, way, true);
       if (trial.judged <= worst.judged) continue;
-      trial.says = name_of(way);
+      trial.worst_of = name_of(way);
       worst = std::move(trial);
     }
-    if (worst.judged <= 1e-6) worst.says.clear();
     return worst;
   };
   return plan;

@@ -21,6 +21,7 @@ struct StabilityTrial {
   double judged = 0;                             // infinite: not a number came out
   std::uint32_t status = 0;                      // bits of its force messages
   std::string says;                              // what else it says of itself where it is not well
+  std::string worst_of;                          // where several ways were tried: which of them was the worst
   std::optional<ClosedLoopResult> loop;          // of a closed loop
   std::vector<std::pair<double, double>> trace;  // for the picture
 };
@@ -31,6 +32,7 @@ struct StabilityPlan {
   double limit = 0, required = 0, analytic_bound = 0;  // 0: no bound
   std::vector<double> values;                          // rising
   bool last_sound = false;  // what is kept is the last sound value, not the first broken
+  bool goes_on = false;     // the daemon is tried beyond the first value that breaks it
   std::function<StabilityTrial(double)> run_naive, run_ours;
 };
 

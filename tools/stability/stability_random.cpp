@@ -7,7 +7,7 @@
 #include "tools/client/hand_model.h"
 #include "tools/offline/renderer.h"
 #include "tools/stability/episodes.h"
-#include "tools/stability/lens_hand.h"
+#include "tools/stability/two_hands/stray.h"
 
 namespace hapticd {
 
@@ -16,40 +16,9 @@ namespace {
 constexpr double tick_s = 1e-3;
 constexpr int substeps = 4;
 
-// Where a hand strays: ways of minimum jerk from place to place.
-class Stray {
- public:
-  explicit Stray(std::uint64_t seed) : chance_(seed) { from_ = to_ = over_lens(0, -0.6e-3, -0.5e-3); }
-
-  void advance() {
-    if (++at_ < length_) return;
-    from_ = to_;
-    at_ = 0;
-    length_ = static_cast<int>(chance_.between(100, 800));
-    const double x = chance_.between(-1.5e-3, 1.5e-3), y = chance_.between(-1.6e-3, 1.2e-3);
-    to_ = over_lens(x, y, chance_.between(-0.8e-3, 1.5e-3));
-    buttons_ = chance_.happens(0.5) ? pedal_phaco | pedal_aspiration : 0u;
-    const bool burst = chance_.happens(0.1);
-    lost_from_ = burst ? static_cast<int>(chance_.between(0, 100)) : length_;
-    lost_to_ = lost_from_ + static_cast<int>(chance_.between(2, 60));
-  }
-  Vec3 tip() const {
-    const double u = static_cast<double>(at_) / length_;
-    return from_ + u * u * u * (10 - 15 * u + 6 * u * u) * (to_ - from_);
-  }
-  std::uint32_t buttons() const { return buttons_; }
-  bool lost() const { return at_ >= lost_from_ && at_ < lost_to_; }
-
- private:
-  Chance chance_;
-  Vec3 from_, to_;
-  int at_ = 0, length_ = 400, lost_from_ = 1 << 30, lost_to_ = 1 << 30;
-  std::uint32_t buttons_ = 0;
-};
-
 void episode(const Scene& scene, const RandomSettings& settings, std::uint64_t seed, std::int64_t ticks,
              RandomReport& report, const std::function<bool(std::int64_t)>& progress) {
-  const DeviceSettings& device = scene.device;
+  const DeviceSettings& device = scene.first().device;
   DaemonRendererOptions options;
   options.passivity_control = settings.passivity_control;
   DaemonRenderer daemon(scene, options);
@@ -89,7 +58,7 @@ void episode(const Scene& scene, const RandomSettings& settings, std::uint64_t s
     report.saturated += (answer.status & status_saturated) != 0;
     report.in_contact += answer.active > 0;
     report.status |= last = answer.status;
-    const Vec3 control = daemon.haptic().controlled;
+    const Vec3 control = daemon.haptic().device[0].controlled;
     report.controlled_force_max = std::max(report.controlled_force_max, control.norm());
     report.controlled_force_rms += control.squaredNorm();
     for (int k = 0; k < substeps; ++k)
@@ -137,7 +106,7 @@ RandomReport run_random(const Scene& cataract, const RandomSettings& settings,
       run_episodes<RandomReport>(settings.ticks, settings.episode, settings.seed, run, progress);
   RandomReport report;
   report.passivity_control = settings.passivity_control;
-  report.device_max = cataract.device.max_force;
+  report.device_max = cataract.first().device.max_force;
   for (const RandomReport& part : parts) add(part, report);
   if (report.ticks > 0)
     report.controlled_force_rms = std::sqrt(report.controlled_force_rms / static_cast<double>(report.ticks));

@@ -18,16 +18,16 @@ constexpr double settled = 0.5;                        // after the press begins
 
 Scene lens() {
   Scene scene = read_scene(config_directory() / "scenes/stroke/stroke.yaml");
-  scene.device.max_force = scene.device.max_force_rate = 1e6;
-  scene.device.max_speed = 10;
+  scene.first().device.max_force = scene.first().device.max_force_rate = 1e6;
+  scene.first().device.max_speed = 10;
   return scene;
 }
 
 // The hand comes down on the pole and stays.
 ClosedLoopSettings press_on(const Scene& scene, const StabilityBench& bench) {
   ClosedLoopSettings s = bench.press();
-  const double scale = scene.device.position_scale;
-  s.press.start = Vec3(0, 0, (pole + tip_radius + 0.2e-3 - scene.device.origin.z()) / scale);
+  const double scale = scene.first().device.position_scale;
+  s.press.start = Vec3(0, 0, (pole + tip_radius + 0.2e-3 - scene.first().device.origin.z()) / scale);
   s.press.depth = 0.53e-3 / scale;
   s.press.speed = 0.04;
   s.press.hold = 0.8;
@@ -66,7 +66,7 @@ StabilityPlan plan_swap(StabilityBench& bench, bool quick) {
     Scene scene = lens();
     scene.contact = contact;
     ClosedLoopSettings s = press_on(scene, bench);
-    const double way = 1e-3, rate = 1e-3 * mm_s / way, scale = scene.device.position_scale;
+    const double way = 1e-3, rate = 1e-3 * mm_s / way, scale = scene.first().device.position_scale;
     s.sway = [=](double t) -> Vec3 {
       const double since = std::max(0.0, t - settled + 0.2);
       return std::min(1.0, since / 0.2) * way / scale * std::sin(rate * since) * Vec3::UnitX();
@@ -98,7 +98,7 @@ StabilityPlan plan_removal(StabilityBench& bench, bool quick) {
   plan.values = quick ? std::vector<double>{25, 50} : std::vector<double>{12.5, 25, 50, 100, 250, 500};
   const auto run = [&bench](double per_second, double blend) {
     Scene scene = lens();
-    scene.removal.rate = per_second;
+    scene.first().removal.rate = per_second;
     ClosedLoopSettings s = press_on(scene, bench);
     s.buttons = [](double t) -> std::uint32_t { return t > settled ? pedal_phaco : 0u; };
     DaemonRendererOptions options;

@@ -56,7 +56,7 @@ StabilityPlan plan_fast_stroke(StabilityBench& bench, bool quick) {
     s.deeper = 1e-6;
     Scene scene = bench.scene();
     scene.contact = contact;
-    scene.device.max_speed = 100;
+    scene.first().device.max_speed = 100;
     return StabilityBench(scene).daemon(1, s);
   };
   const double slow = run(0.05, Renewal::renewed).force;
@@ -84,10 +84,11 @@ StabilityPlan plan_wedge(StabilityBench& bench, bool quick) {
   const auto run = [&bench](double mm, Rendering rendering) {
     const double arm = 1e-3 * mm;
     Scene scene = two_cubes(bench.scene(), 1);
-    for (Primitive& p : scene.instrument.primitives) p.placement.p.z() -= arm;
+    SceneInstrument& held = scene.first();
+    for (Primitive& p : held.shape.primitives) p.placement.p.z() -= arm;
     // As stiff at the tip as before.
-    scene.coupling.rotational_stiffness = scene.coupling.stiffness * std::max(arm * arm, 1e-4);
-    scene.device.max_torque = scene.device.max_force;
+    held.coupling.rotational_stiffness = held.coupling.stiffness * std::max(arm * arm, 1e-4);
+    held.device.max_torque = held.device.max_force;
     ClosedLoopSettings s = bench.press();
     s.press.start = Vec3(0.5e-3, 0, top + 6e-3 + arm);
     s.press.depth = 12e-3;

@@ -54,10 +54,12 @@ std::string motion_frame(std::uint32_t body, double time, std::span<const float>
   return out;
 }
 
-std::string contacts_frame(double time, std::span<const float> instrument, std::span<const float> contacts) {
-  std::string out = head(4, 0, contacts.size() / 7, 0, time);
-  append(out, instrument);
+std::string contacts_frame(double time, std::span<const float> instruments, std::span<const float> contacts,
+                           std::span<const std::uint8_t> pressing) {
+  std::string out = head(4, 0, contacts.size() / 7, static_cast<std::uint32_t>(instruments.size() / 7), time);
+  append(out, instruments);
   append(out, contacts);
+  append(out, pressing);
   return out;
 }
 

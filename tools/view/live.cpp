@@ -117,11 +117,12 @@ void LiveSource::take_scene() {
   });
   instrument_.take_each([this](const hapticd_msg_SceneInstrument& m, const dds_sample_info_t&) {
     const auto p = span_of(m.primitives);
-    scene_.tell_instrument({p.begin(), p.end()});
+    scene_.tell_instrument(m.instrument, m.instruments,
+                           {m.name ? m.name : "", m.device_id, {p.begin(), p.end()}});
   });
   update_.take_each([this](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) {
     scene_.tell_motion(m.body, now(), span_of(m.nodes), span_of(m.alive));
-    scene_.tell_contacts(now(), m.instrument, span_of(m.contacts));
+    scene_.tell_contacts(now(), span_of(m.instruments), span_of(m.contacts), span_of(m.pressing));
   });
 }
 

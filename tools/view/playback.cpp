@@ -96,7 +96,8 @@ struct Playback::State {
       view.tell_body(static_cast<std::uint32_t>(b), body.name,
                      body.kind == BodyKind::deformable && body.simulated, body.mesh);
     }
-    view.tell_instrument(instrument_shape(scene.instrument));
+    const SceneInstrument& held = scene.first();
+    view.tell_instrument(0, 1, {held.name, held.device.id, instrument_shape(held.shape)});
     thread = std::thread([this] { compute(); });
   }
   ~State() {
@@ -122,7 +123,7 @@ struct Playback::State {
     sinks.tick = [&](const ReplayedTick& tick) {
       if (stopping) throw Stopped{};
       if (tick.slot < 0) return;
-      blocks.note(tick.record.force.force);
+      blocks.note(tick.record[0].force.force);
       if (blocks.count() == blocks_kept_here) return;
       blocks_kept_here = blocks.count();
       const std::vector<float> newest = blocks.newest();
@@ -131,7 +132,7 @@ struct Playback::State {
     };
     std::string why;
     try {
-      if (!replay_offline(scene, source, source.slots(), sinks)) why = "interrupted";
+      if (!replay_offline(scene, {&source}, source.slots(), sinks)) why = "interrupted";
     } catch (const Stopped&) {
       return;
     } catch (const std::exception& e) {
@@ -154,10 +155,12 @@ struct Playback::State {
         for (int i = 0; i < 3; ++i) out.nodes.push_back(static_cast<float>(x[i]));
       pack_bits(body.state.alive, out.alive);
     }
+    const ForceRecord& first = step.newest.record[0];
+    const Pose& X = first.instrument.X;
     for (int i = 0; i < 3; ++i)
-      frame->instrument[static_cast<std::size_t>(i)] = static_cast<float>(step.instrument.p[i]);
+      frame->instrument[static_cast<std::size_t>(i)] = static_cast<float>(X.p[i]);
     for (int i = 0; i < 4; ++i)
-      frame->instrument[static_cast<std::size_t>(3 + i)] = static_cast<float>(step.instrument.q.coeffs()[i]);
+      frame->instrument[static_cast<std::size_t>(3 + i)] = static_cast<float>(X.q.coeffs()[i]);
     for (const ContactForce& c : step.contacts) {
       for (const Vec3& v : {c.place, c.force})
         for (int i = 0; i < 3; ++i) frame->contacts.push_back(static_cast<float>(v[i]));
@@ -165,7 +168,7 @@ struct Playback::State {
     }
     frame->removed = step.removed;
     frame->aspirated = aspirated;
-    frame->status = step.force.status;
+    frame->status = first.force.status;
     frame->compliance = step.report.compliance;
     return frame;
   }
@@ -189,7 +192,7 @@ struct Playback::State {
       if (!frame.bodies[b].nodes.empty())
         view.tell_motion(static_cast<std::uint32_t>(b), frame.t, frame.bodies[b].nodes,
                          frame.bodies[b].alive);
-    view.tell_contacts(frame.t, frame.instrument, frame.contacts);
+    view.tell_contacts(frame.t, frame.instrument, frame.contacts, {});
   }
 
   // As a daemon would say it; what belongs to a machine's clock is left out.
@@ -197,7 +200,7 @@ struct Playback::State {
     return text("status", {{"kind", "status"},
                            {"daemon", true},
                            {"devices",
-                            {{{"id", scene.device.id},
+                            {{{"id", scene.first().device.id},
                               {"scene", scene.name},
                               {"step", frame.step},
                               {"removed", frame.removed},
@@ -225,11 +228,11 @@ struct Playback::State {
     const std::size_t end = std::min(static_cast<std::size_t>(std::max(0.0, 100 * now)), force.size() / 4);
     for (std::size_t i = 4 * (end > blocks_kept ? end - blocks_kept : 0); i < 4 * end; ++i)
       newest.push_back(force[i]);
-    const DeviceSettings& d = scene.device;
+    const DeviceSettings& d = scene.first().device;
     return text("health/0",
                 {{"kind", "health"},
                  {"id", d.id},
-                 {"device", scene.device_name},
+                 {"device", scene.first().device_name},
                  {"compliance", compliance_name(scene.compliance)},
                  {"blocks", end},
                  {"force", newest},

@@ -165,7 +165,7 @@ SharedMessage RemoteHand::poll(const nlohmann::json* health) {
   if (s.viewer != 0 && monotonic_ns() - s.heard_ns > silence_ns) s.end();
   if (s.viewer != 0 && !s.wants && !s.running) s.end();  // it ended by itself: failed, or its time was over
   if (s.wants && health) s.begin(*health);
-  nlohmann::json json{{"kind", "hand"}, {"viewer", s.viewer}, {"state", s.state()}};
+  nlohmann::json json{{"kind", "hand"}, {"device", s.device_id}, {"viewer", s.viewer}, {"state", s.state()}};
   {
     const std::lock_guard lock(s.mutex);
     json["failure"] = s.failure;

@@ -6,7 +6,7 @@
 // with the hand of hand_model.h between the target and the pose: mass, damping, a spring. Texts understood:
 //   {"hand": {"active": true, "target": [x, y, z], "buttons": 1}}    target: device frame [m]
 // Whatever is asked for, the target stays within the device's workspace and moves at most `hand_speed`. Said:
-//   hand   JSON: viewer (0: nobody), state (off, arming, holding, failed), target, failure
+//   hand   JSON: device (its id), viewer (0: nobody), state (off, arming, holding, failed), target, failure
 // Thread safety: one thread; the client has its own. Errors: none but in what it says.
 #pragma once
 

@@ -65,8 +65,9 @@ void ViewScene::tell_body(std::uint32_t id, const std::string& name, bool deform
   scene_changed_ = true;
 }
 
-void ViewScene::tell_instrument(std::vector<float> primitives) {
-  primitives_ = std::move(primitives);
+void ViewScene::tell_instrument(std::uint32_t index, std::uint32_t count, ViewInstrument instrument) {
+  instruments_[index] = std::move(instrument);
+  instruments_.erase(instruments_.lower_bound(std::max(count, index + 1)), instruments_.end());
   scene_changed_ = true;
 }
 
@@ -83,11 +84,16 @@ void ViewScene::tell_motion(std::uint32_t id, double time, std::span<const float
   body.moved = true;
 }
 
-void ViewScene::tell_contacts(double time, std::span<const float> instrument,
-                              std::span<const float> contacts) {
+// A contact of which nobody says who presses is the first instrument's, on tissue.
+void ViewScene::tell_contacts(double time, std::span<const float> instruments, std::span<const float> contacts,
+                              std::span<const std::uint8_t> pressing) {
   time_ = time;
-  instrument_.assign(instrument.begin(), instrument.end());
+  poses_.assign(instruments.begin(), instruments.end());
   contacts_.assign(contacts.begin(), contacts.end());
+  pressing_.assign(pressing.begin(), pressing.end());
+  const std::size_t said = pressing_.size() / 2;
+  pressing_.resize(contacts_.size() / 7 * 2, 0);
+  for (std::size_t i = said; i < pressing_.size() / 2; ++i) pressing_[2 * i + 1] = 255;
   contacts_changed_ = true;
 }
 
@@ -118,7 +124,11 @@ nlohmann::json ViewScene::description() const {
                       {"shell", body.shell},
                       {"nodes", body.mesh.nodes.size()},
                       {"tets", body.mesh.tets.size()}});
-  return {{"kind", "scene"}, {"bodies", bodies}, {"instrument", primitives_}};
+  nlohmann::json instruments = nlohmann::json::array();
+  for (const auto& [index, instrument] : instruments_)
+    instruments.push_back(
+        {{"name", instrument.name}, {"device", instrument.device_id}, {"primitives", instrument.primitives}});
+  return {{"kind", "scene"}, {"bodies", bodies}, {"instruments", instruments}};
 }
 
 std::vector<SharedMessage> ViewScene::messages() {
@@ -149,8 +159,8 @@ std::vector<SharedMessage> ViewScene::messages() {
   // First of all, so that the page knows the bodies that the others are about.
   if (std::exchange(scene_changed_, false))
     out.insert(out.begin(), message("scene", description().dump(), false));
-  if (std::exchange(contacts_changed_, false) && !instrument_.empty())
-    out.push_back(message("contacts", contacts_frame(time_, instrument_, contacts_)));
+  if (std::exchange(contacts_changed_, false) && !poses_.empty())
+    out.push_back(message("contacts", contacts_frame(time_, poses_, contacts_, pressing_)));
   return out;
 }
 

@@ -2,8 +2,9 @@
 //
 // Bodies are told once, then what moved and what is gone; `messages` makes those that changed since it was
 // last asked:
-//   scene          JSON: the bodies (name, whether they deform, whether they are a shell), the instrument's
-//   shape rest/B, surface/B, motion/B, contacts    binary (frames.h)
+//   scene          JSON: the bodies (name, whether they deform, whether they are a shell), the instruments
+//                  (name, id of the device, shape)
+//   rest/B, surface/B, motion/B, contacts    binary (frames.h)
 // Nothing is computed until it is asked for, so a scene that nobody looks at costs a copy. A body told again
 // begins anew, and so does one whose removed tetrahedra are back (the daemon was started again). A shell has
 // no node inside: one layer of tetrahedra, drawn translucent like what is rigid. A piece is loose when shared
@@ -25,16 +26,23 @@
 
 namespace hapticd {
 
+struct ViewInstrument {
+  std::string name;
+  std::uint32_t device_id = 0;
+  std::vector<float> primitives;  // 10 each, as SceneInstrument has them
+};
+
 class ViewScene {
  public:
   void tell_body(std::uint32_t id, const std::string& name, bool deformable, TetMesh mesh);
-  // 10 each, as SceneInstrument has them.
-  void tell_instrument(std::vector<float> primitives);
+  // Number `index` of `count` instruments.
+  void tell_instrument(std::uint32_t index, std::uint32_t count, ViewInstrument instrument);
   // nodes: 3 each; alive: 1 bit per tetrahedron, least significant first.
   void tell_motion(std::uint32_t id, double time, std::span<const float> nodes,
                    std::span<const std::uint8_t> alive);
-  // instrument: position, quaternion; contacts: 7 each.
-  void tell_contacts(double time, std::span<const float> instrument, std::span<const float> contacts);
+  // instruments: position, quaternion of each; contacts: 7 each; pressing: 2 per contact.
+  void tell_contacts(double time, std::span<const float> instruments, std::span<const float> contacts,
+                     std::span<const std::uint8_t> pressing);
 
   std::vector<SharedMessage> messages();
 
@@ -56,7 +64,9 @@ class ViewScene {
   nlohmann::json description() const;
 
   std::map<std::uint32_t, Body> bodies_;
-  std::vector<float> primitives_, instrument_, contacts_;
+  std::map<std::uint32_t, ViewInstrument> instruments_;
+  std::vector<float> poses_, contacts_;
+  std::vector<std::uint8_t> pressing_;
   double time_ = 0;
   bool scene_changed_ = false, contacts_changed_ = false;
 };

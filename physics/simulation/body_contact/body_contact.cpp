@@ -9,10 +9,10 @@ namespace hapticd {
 namespace {
 
 constexpr double reference_margin = 0.05;  // of the nodes' mean edge: what bodies at rest may move in a step
-constexpr double ahead = 1.2;         // steps of present speed that a node is watched for
-constexpr double same_place = 1e-3;   // of the edge: nearer than that to an edge, its pseudo-normal
-constexpr double missed = 1e-6;       // overlap that makes a node join [m]
-constexpr double same_contact = 0.9;  // cosine of normals that may hand λ on
+constexpr double ahead = 1.2;              // steps of present speed that a node is watched for
+constexpr double same_place = 1e-3;        // of the edge: nearer than that to an edge, its pseudo-normal
+constexpr double missed = 1e-6;            // overlap that makes a node join [m]
+constexpr double same_contact = 0.9;       // cosine of normals that may hand λ on
 
 bool moves(const Body& body) { return body.deformable && !body.asleep; }
 

@@ -5,11 +5,11 @@
 //   δ_n,free = gap(x_lin) + n·(relative x_free − x_lin) − allowed,   allowed = min(0, gap_start + v h)
 //   δ_t,free = Tᵀ(relative x_free − x_start): slip over the step
 //
-// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners. In the simulation
-// step bodies and instrument are solved as one problem (`solve_with`); what is published has the contacts
-// eliminated (`condense`; equations and what that freezes: body_contact_condense.cpp).
-// Recovery: a node found inside is let out at no more than v = `recovery_speed`; `allowed` is 0 for all that
-// were outside. Capacity: max_body_contacts; above it, contacts that carried force come first, then the deepest
+// Newton's third law holds by construction: λ acts on the node, −w_c λ on the face's corners. In the
+// simulation step bodies and instrument are solved as one problem (`solve_with`); what is published has the
+// contacts eliminated (`condense`; equations and what that freezes: body_contact_condense.cpp). Recovery: a
+// node found inside is let out at no more than v = `recovery_speed`; `allowed` is 0 for all that were
+// outside. Capacity: max_body_contacts; above it, contacts that carried force come first, then the deepest
 // (before the first solve: in free motion), and `dropped` counts the others that overlap where the solve has
 // left them. A node on two bodies that both cannot move (rigid, fixed, asleep) has no row.
 // Units: m, N, m/N. Forces on nodes in `force` of a domain. Errors: by status; the best iterate is used.
@@ -46,8 +46,8 @@ struct ContactStencil {
 struct BodyContact {
   int pair;
   int node;
-  int face;                      // id of the surface face, for good
-  std::array<int, 4> mesh_node;  // the node, then the face's corners
+  int face;                               // id of the surface face, for good
+  std::array<int, 4> mesh_node;           // the node, then the face's corners
   std::array<ContactStencil, 4> stencil;  // their weights are 1, −w
   Mat3 frame;
   double friction;

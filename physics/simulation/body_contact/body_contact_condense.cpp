@@ -4,9 +4,9 @@
 //   C'_pp    = C_pp − Yᵀ (A W Aᵀ + εD)⁻¹ Y,   Y = A H C_bp
 //   x'_free  = x_free + C_pb Hᵀ λ + (C_pp − C'_pp) f
 //
-// So what is published feels the other bodies through the tissue and costs the haptic loop nothing; at f itself
-// it is exact. Approximated between two steps: which contacts are closed, which stick, and the friction of those
-// that slide do not change with the device, nor do the normals.
+// So what is published feels the other bodies through the tissue and costs the haptic loop nothing; at f
+// itself it is exact. Approximated between two steps: which contacts are closed, which stick, and the
+// friction of those that slide do not change with the device, nor do the normals.
 #include <Eigen/Cholesky>
 
 #include "physics/simulation/body_contact/body_contact.h"

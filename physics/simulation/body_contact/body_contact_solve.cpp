@@ -1,8 +1,8 @@
 // body_contact.h: the solve, of the bodies alone and together with the instrument.
 //
-// Of some two hundred contacts within reach a dozen close. Solved are those that carried force (if none: those
-// that free motion closes); then every other is looked at under the forces found, and those that overlap by a
-// nanometre join, until none does: the same solution for a small part of the work.
+// Of some two hundred contacts within reach a dozen close. Solved are those that carried force (if none:
+// those that free motion closes); then every other is looked at under the forces found, and those that
+// overlap by a nanometre join, until none does: the same solution for a small part of the work.
 #include <algorithm>
 #include <cmath>
 

@@ -33,13 +33,13 @@ void BodyContactStage::find(Bodies& bodies) {
   }
 }
 
-void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
-                                   StepReport& report) {
+void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
+                                   const InstrumentSamples& samples, StepReport& report) {
   contacts_.set_domains(c.bodies, c.patch.nodes());
   for (int b = 0; b < c.body_count(); ++b) {
     const auto nodes = contacts_.domain_nodes(b);
     if (nodes.empty()) continue;
-    factors.cover(c, b, sample, nodes, report);
+    factors.cover(c, b, samples, nodes, report);
     MatX& C = contacts_.compliance(b);
     C.resize(3 * static_cast<Eigen::Index>(nodes.size()), 3 * static_cast<Eigen::Index>(nodes.size()));
     c.bodies[b].compliance->patch(nodes, C);
@@ -48,34 +48,34 @@ void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors, c
 }
 
 void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
-                                  const InstrumentSample& sample, const CondensedProblem& problem,
-                                  const std::optional<Vec3>& last_force, StepReport& report) {
-  if (!contacts_.any()) return contact.solve(c, sample, problem, last_force, report);
-  begin_solve(c, factors, sample, report);
+                                  const InstrumentSamples& samples, const CondensedProblem& problem,
+                                  const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
+  if (!contacts_.any()) return contact.solve(c, samples, problem, last, report);
+  begin_solve(c, factors, samples, report);
   VecX force = remembered_force(problem, contact.state.solver.memory);
   contacts_.solve(force);
   double off = contacts_.linearise(c.bodies);
   int round = 1;
-  const bool reached = sample.present && problem.samples > 0;
+  const bool reached = any_present(samples) && problem.samples > 0;
   if (!reached) {
-    contact.solve(c, sample, problem, last_force, report);
+    contact.solve(c, samples, problem, last, report);
     for (; round < most_rounds && off > settled_gap; ++round) {
       contacts_.relax(relaxed(round));
       contacts_.solve(force);
       off = contacts_.linearise(c.bodies);
     }
   } else {
-    InstrumentSide tool(problem, c.instrument, sample.pose, c.settings.h,
+    InstrumentSide tool(problem, c.instruments, poses_of(samples), c.settings.h,
                         contact_margin * problem.alarm_distance, contact.state.solver, contact.scratch());
     for (double change = 1; round < most_rounds && (change > settled_force || off > settled_gap); ++round) {
       contacts_.relax(relaxed(round));
-      const VecX last = force;
+      const VecX before = force;
       tool.linearise(contacts_);
       force = contacts_.solve_with(problem, contact.scratch().rows, tool.lambda);
       tool.follow(relaxed(round));
       off = contacts_.linearise(c.bodies);
-      const double size = std::max(force.norm(), last.norm());
-      change = size > 0 ? (force - last).norm() / size : 0;
+      const double size = std::max(force.norm(), before.norm());
+      change = size > 0 ? (force - before).norm() / size : 0;
     }
     report.contact = tool.finish(contacts_);
   }
@@ -97,13 +97,13 @@ void BodyContactStage::predict_end(const StepContext& c, int b, const VecX& patc
 
 // A step that takes a body into one that sleeps wakes it at once, or it would be hit like a wall.
 void BodyContactStage::wake_touched(const StepContext& c, FactorStage& factors,
-                                    const InstrumentSample& sample) {
+                                    const InstrumentSamples& samples) {
   for (const ContactPair& p : contacts_.pairs())
     for (const int b : {p.points, p.faces}) {
       Body& body = c.bodies[b];
       if (!body.deformable || !body.asleep || !contacts_.touching(p.points, p.faces)) continue;
       body.asleep = false;
-      factors.follow(c, b, sample, {});
+      factors.follow(c, b, samples, {});
       body.compliance->update(body.state);
       compute_free_motion(body, c.settings.h);
       finish_free_motion(body, nullptr);
@@ -111,21 +111,21 @@ void BodyContactStage::wake_touched(const StepContext& c, FactorStage& factors,
 }
 
 void BodyContactStage::solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
-                             const InstrumentSample& sample, const CondensedProblem& problem,
-                             const std::optional<Vec3>& last_force, StepReport& report) {
-  if (contacts_.empty()) return contact.solve(c, sample, problem, last_force, report);
+                             const InstrumentSamples& samples, const CondensedProblem& problem,
+                             const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
+  if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
   x_end_.resize(c.bodies.size());
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     contact.state.solver = before;
-    solve_once(c, factors, contact, sample, problem, last_force, report);
+    solve_once(c, factors, contact, samples, problem, last, report);
     for (const ContactPair& p : contacts_.pairs())
       for (const int b : {p.points, p.faces}) predict_end(c, b, contact.state.patch_force);
     const Positions end = [&](int b) {
       return std::span<const Vec3>(is_awake(c.bodies[b]) ? x_end_[b] : c.bodies[b].state.x);
     };
     if (attempt + 1 == most_attempts || contacts_.join_missed(c.bodies, end) == 0) break;
-    wake_touched(c, factors, sample);
+    wake_touched(c, factors, samples);
   }
   // Where all sleep, the forces of the last step hold them.
   if (report.awake_bodies > 0) contacts_.keep();

@@ -30,24 +30,24 @@ class BodyContactStage {
   // Who sleeps and is touched by what moves wakes.
   void find(Bodies& bodies);
 
-  // last_force: InstrumentContact::solve.
+  // last: InstrumentContact::solve.
   void solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
-             const InstrumentSample& sample, const CondensedProblem& problem,
-             const std::optional<Vec3>& last_force, StepReport& report);
+             const InstrumentSamples& samples, const CondensedProblem& problem,
+             const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
   // One attempt of it, with the contacts that are known.
   void solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
-                  const InstrumentSample& sample, const CondensedProblem& problem,
-                  const std::optional<Vec3>& last_force, StepReport& report);
+                  const InstrumentSamples& samples, const CondensedProblem& problem,
+                  const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
   // Nothing where nothing touches. patch_force: of the instrument [N].
   void condense(const Bodies& bodies, const VecX& patch_force, CondensedProblem& problem, StepReport& report);
 
  private:
-  void begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
+  void begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
                    StepReport& report);
   void predict_end(const StepContext& c, int body, const VecX& patch_force);
-  void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSample& sample);
+  void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples);
 
   BodyContacts contacts_;
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes

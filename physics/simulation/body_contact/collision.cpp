@@ -24,8 +24,10 @@ namespace {
 using Transform = fcl::Transform3<double>;
 using Box = fcl::AABB<double>;
 
-// A primitive grown by the alarm distance, and where its centre sits in the primitive's frame.
+// A primitive grown by the alarm distance, and where its centre sits in the instrument's frame.
 struct GrownShape {
+  int instrument = 0;
+  Pose placement;
   Vec3 centre = Vec3::Zero();
   std::function<Box(const Transform&)> box;
   std::function<bool(const Transform&, const std::array<Vec3, 3>& face)> touches;
@@ -42,7 +44,7 @@ GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
     return fcl::detail::GJKSolver_libccd<double>().shapeTriangleIntersect(shape, T, face[0], face[1],
                                                                           face[2]);
   };
-  return {centre, box, touches};
+  return {0, {}, centre, box, touches};
 }
 
 GrownShape grown(const Primitive& p, double wakeup_timer) {
@@ -74,7 +76,6 @@ struct Body {
 }  // namespace
 
 struct Collision::Impl {
-  const Instrument& instrument;
   std::vector<GrownShape> shapes;
   std::vector<Body> bodies;
 };
@@ -110,9 +111,13 @@ void find_boxes(Body& body, std::span<const Vec3> positions) {
 
 }  // namespace
 
-Collision::Collision(const Instrument& instrument, double alarm_distance)
-    : impl_(new Impl{instrument, {}, {}}) {
-  for (const Primitive& p : instrument.primitives) impl_->shapes.push_back(grown(p, alarm_distance));
+Collision::Collision(Instruments instruments, double alarm_distance) : impl_(new Impl) {
+  for (int i = 0; i < instruments.count(); ++i)
+    for (const Primitive& p : instruments[i].primitives) {
+      impl_->shapes.push_back(grown(p, alarm_distance));
+      impl_->shapes.back().instrument = i;
+      impl_->shapes.back().placement = p.placement;
+    }
 }
 
 Collision::~Collision() = default;
@@ -139,14 +144,14 @@ void Collision::refit(int index, std::span<const Vec3> positions) {
   find_boxes(body, positions);
 }
 
-void Collision::near_faces(const Pose& X, std::vector<NearFace>& out) {
+void Collision::near_faces(const InstrumentPoses& poses, std::vector<NearFace>& out) {
   out.clear();
-  for (std::size_t k = 0; k < impl_->shapes.size(); ++k) {
-    const Primitive& p = impl_->instrument.primitives[k];
-    const GrownShape& shape = impl_->shapes[k];
+  for (const GrownShape& shape : impl_->shapes) {
+    if (!poses.present[shape.instrument]) continue;
+    const Pose& X = poses[shape.instrument];
     Transform T = Transform::Identity();
-    T.linear() = (X.q * p.placement.q).toRotationMatrix();
-    T.translation() = X.to_world(p.placement.to_world(shape.centre));
+    T.linear() = (X.q * shape.placement.q).toRotationMatrix();
+    T.translation() = X.to_world(shape.placement.to_world(shape.centre));
     const Box box = shape.box(T);
     for (std::size_t b = 0; b < impl_->bodies.size(); ++b) {
       const Body& body = impl_->bodies[b];

@@ -1,4 +1,4 @@
-// Which surface triangles the instrument can reach: broad and narrow phase at the simulation's rate.
+// Which surface triangles the instruments can reach: broad and narrow phase at the simulation's rate.
 //
 // Broad phase: an axis-aligned box around each surface triangle, refitted every step, and looked at one after
 // another: a body has some thousands, and what a tree would save is less than it costs to build it anew where
@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "physics/contact/instrument.h"
+#include "physics/contact/instruments.h"
 #include "physics/tissue/surface.h"
 
 namespace hapticd {
@@ -26,7 +26,7 @@ struct NearFace {
 
 class Collision {
  public:
-  Collision(const Instrument& instrument, double alarm_distance);
+  Collision(Instruments instruments, double alarm_distance);
   ~Collision();
   Collision(const Collision&) = delete;
   Collision& operator=(const Collision&) = delete;
@@ -40,8 +40,8 @@ class Collision {
   // Same triangles, moved.
   void refit(int body, std::span<const Vec3> positions);
 
-  // Faces within the alarm distance of the instrument at X, sorted by body and face, unique.
-  void near_faces(const Pose& X, std::vector<NearFace>& out);
+  // Faces within the alarm distance of those present at X, sorted by body and face, unique.
+  void near_faces(const InstrumentPoses& X, std::vector<NearFace>& out);
 
  private:
   struct Impl;

@@ -140,8 +140,8 @@ void BodyContactCandidateFinder::follow(const Bodies& bodies) {
 }
 
 void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Positions& positions,
-                                  const Margin& margin, double depth, double moved, double slack,
-                                  std::vector<BodyContactCandidate>& out) {
+                                      const Margin& margin, double depth, double moved, double slack,
+                                      std::vector<BodyContactCandidate>& out) {
   const ContactPair& p = pairs_[pair];
   const SurfaceNormals &own = normals_[p.points], &theirs = normals_[p.faces];
   const auto& faces = bodies[p.faces].surface.faces();

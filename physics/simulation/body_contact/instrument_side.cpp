@@ -4,19 +4,20 @@
 
 namespace hapticd {
 
-InstrumentSide::InstrumentSide(const CondensedProblem& problem, const Instrument& instrument,
-                               const Pose& device, double h, double margin, ContactState& state,
+InstrumentSide::InstrumentSide(const CondensedProblem& problem, Instruments instruments,
+                               const InstrumentPoses& device, double h, double margin, ContactState& state,
                                ContactScratch& scratch)
-    : problem_(problem), instrument_(instrument), device_(device), state_(state), scratch_(scratch) {
-  K_inv_ = inverse_stiffness(problem.coupling, h);
-  // The part of the last offset that the coupling's damper still holds.
-  const double lag = problem.coupling.damping_time / (h + problem.coupling.damping_time);
-  Vec6 held = lag * state.coupling_offset, offset = state.coupling_offset;
-  for (int c = 0; c < 6; ++c)
-    if (K_inv_[c] == 0) held[c] = offset[c] = 0;
-  X_free_ = displaced(device, -held);
+    : problem_(problem),
+      instruments_(instruments),
+      device_(device),
+      start_(start_coupling(problem, device, h, state.coupling_offset)),
+      X_(start_.X_start),
+      state_(state),
+      scratch_(scratch) {
   frozen_ = problem.renewal == Renewal::frozen;
-  X_ = frozen_ ? problem.X_ref : displaced(device, -offset);
+  if (frozen_)
+    for (int i = 0; i < max_instruments; ++i)
+      if (X_.present[i]) X_[i] = problem.instrument[i].X_ref;
   margin_ = frozen_ ? problem.alarm_distance : margin;
   working_ = state.memory;
 }
@@ -29,19 +30,19 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
     contacts.patch_positions(scratch_.x);
   first_ = false;
   ContactRows& rows = scratch_.rows;
-  build_rows(problem_, instrument_, X_free_, X_, scratch_.x, K_inv_, working_, margin_, rows);
+  build_rows(problem_, instruments_, start_.X_free, X_, scratch_.x, start_.K_inv, working_, margin_, rows);
   ++scratch_.matrix_version;
   lambda = VecX::Zero(rows.rows());
   for (int i = 0; i < rows.contacts; ++i)
-    if (const ContactMemory::Entry* known = working_.find(rows.row[i].id, rows.row[i].primitive))
+    if (const ContactMemory::Entry* known =
+            working_.find(rows.row[i].id, rows.row[i].instrument, rows.row[i].primitive))
       lambda.segment(rows.rows_per_contact * i, rows.rows_per_contact) =
           (rows.row[i].frame.transpose() * known->lambda).head(rows.rows_per_contact);
 }
 
 void InstrumentSide::follow(double part) {
   remember(working_);
-  const Pose end = place();
-  if (!frozen_) X_ = displaced(X_, part * difference(end, X_));
+  if (!frozen_) X_ = displaced(X_, difference(placed_by(start_, wrench()), X_), part);
 }
 
 ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {
@@ -54,35 +55,41 @@ ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {
   out.contacts = rows.contacts;
   out.dropped = rows.dropped;
   out.wrench = wrench();
-  out.instrument = place();
-  if (!out.wrench.allFinite()) {
+  out.instrument = placed_by(start_, out.wrench);
+  if (!lambda.allFinite()) {
     state_ = ContactState{};
     out.status = SolveStatus::not_finite;
-    out.wrench.setZero();
-    out.instrument = X_free_;
+    out.wrench = {};
+    out.instrument = start_.X_free;
     return out;
   }
-  const Vec6 moved = difference(out.instrument, problem_.X_ref);
+  const EachInstrument<Vec6> moved = difference(out.instrument, X_);
   remember(state_.memory);
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[i];
-    const Vec3 s = sample_position(problem_, scratch_.x, row.sample);
     out.active += lambda[rows.rows_per_contact * i] > 0;
-    out.penetration = std::max(out.penetration, -gap_at(instrument_, out.instrument, s).distance);
     ContactMemory::Entry& e = state_.memory.entry[i];
     e.sticking = sticks(contacts, i);
+    const Pose& X = out.instrument[row.instrument];
+    if (row.other >= 0) {
+      if (e.sticking) continue;
+      e.anchor = X_[row.instrument].q.conjugate() * row.arm;
+      e.other_anchor = X_[row.other].q.conjugate() * row.other_arm;
+      continue;
+    }
+    const Vec3 s = sample_position(problem_, scratch_.x, row.sample);
+    out.penetration = std::max(out.penetration, -gap_at(instruments_[row.instrument], X, s).distance);
+    const Vec6& d = moved[row.instrument];
     if (!e.sticking)
-      e.anchor = frozen_ ? problem_.X_ref.to_local(s - moved.head<3>() - moved.tail<3>().cross(row.arm))
-                         : out.instrument.to_local(s);
+      e.anchor =
+          frozen_ ? X_[row.instrument].to_local(s - d.head<3>() - d.tail<3>().cross(row.arm)) : X.to_local(s);
   }
-  state_.coupling_offset = difference(device_, out.instrument);
-  for (int c = 0; c < 6; ++c)
-    if (K_inv_[c] == 0) state_.coupling_offset[c] = 0;
+  state_.coupling_offset = coupling_offset(device_, out.instrument, start_.K_inv);
   return out;
 }
 
-Vec6 InstrumentSide::wrench() const {
-  return wrench_on_instrument(scratch_.rows, {lambda.data(), static_cast<std::size_t>(lambda.size())});
+EachInstrument<Vec6> InstrumentSide::wrench() const {
+  return wrench_on_instruments(scratch_.rows, {lambda.data(), static_cast<std::size_t>(lambda.size())});
 }
 
 void InstrumentSide::remember(ContactMemory& memory) const {
@@ -91,7 +98,8 @@ void InstrumentSide::remember(ContactMemory& memory) const {
   for (int i = 0; i < rows.contacts; ++i) {
     const int m = rows.rows_per_contact;
     const Vec3 force = rows.row[i].frame.leftCols(m) * lambda.segment(m * i, m);
-    memory.entry[i] = {rows.row[i].id, force, rows.row[i].anchor, false, rows.row[i].primitive};
+    const ContactRow& row = rows.row[i];
+    memory.entry[i] = {row.id, force, row.anchor, false, row.primitive, row.instrument, row.other_anchor};
   }
 }
 

@@ -1,4 +1,4 @@
-// The instrument's part of a solve that it shares with bodies that touch one another.
+// The instruments' part of a solve that it shares with bodies that touch one another.
 //
 //   rows at the last solve's state → (one solve of all rows, body_contact.h) → the instrument on its virtual
 //   coupling, where its forces put it → rows again …
@@ -15,8 +15,8 @@ namespace hapticd {
 class InstrumentSide {
  public:
   // h: simulation step [s]; margin: gap below which renewed rows exist [m].
-  InstrumentSide(const CondensedProblem& problem, const Instrument& instrument, const Pose& device, double h,
-                 double margin, ContactState& state, ContactScratch& scratch);
+  InstrumentSide(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& device,
+                 double h, double margin, ContactState& state, ContactScratch& scratch);
 
   // Rows where the last solve has put instrument and tissue; λ to start from.
   void linearise(const BodyContacts& contacts);
@@ -30,17 +30,17 @@ class InstrumentSide {
   VecX lambda;  // of the rows in the scratch [N]
 
  private:
-  Vec6 wrench() const;
-  Pose place() const { return displaced(X_free_, K_inv_.cwiseProduct(wrench())); }
+  EachInstrument<Vec6> wrench() const;
   void remember(ContactMemory& memory) const;
   bool sticks(const BodyContacts& contacts, int row) const;
 
   const CondensedProblem& problem_;
-  const Instrument& instrument_;
-  Pose device_, X_free_, X_;
+  const Instruments instruments_;
+  InstrumentPoses device_;
+  CouplingStart start_;
+  InstrumentPoses X_;
   ContactState& state_;
   ContactScratch& scratch_;
-  Vec6 K_inv_;
   ContactMemory working_;
   double margin_;
   bool frozen_;

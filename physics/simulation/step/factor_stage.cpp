@@ -16,10 +16,10 @@ constexpr double most_plausible = 2;  // edges that a free motion takes a node w
 FactorStage::FactorStage(const WorldSettings& settings, std::size_t bodies)
     : references(bodies), keeps_references_(keeps_references(settings)), predicts_(predicts(settings)) {}
 
-void FactorStage::run(const StepContext& c, const InstrumentSample& sample, StepReport& report) {
+void FactorStage::run(const StepContext& c, const InstrumentSamples& samples, StepReport& report) {
   for (int b = 0; b < c.body_count(); ++b) {
     if (!is_awake(c.bodies[b])) continue;
-    if (sample.present || !c.contacts.nodes_of(b).empty()) follow(c, b, sample, {});
+    if (any_present(samples) || !c.contacts.nodes_of(b).empty()) follow(c, b, samples, {});
     ++report.awake_bodies;
     if (!c.bodies[b].free.ahead) factor(c, b, report);
   }
@@ -67,26 +67,26 @@ bool FactorStage::foresees(const Body& body) const {
          body.model.material.law != Law::guarded;
 }
 
-void FactorStage::follow(const StepContext& c, int b, const InstrumentSample& sample,
+void FactorStage::follow(const StepContext& c, int b, const InstrumentSamples& samples,
                          std::span<const int> nodes) {
   // While a reference factor is being made, no new zone is chosen; the next one is, when it is adopted.
   if (keeps_references_ && references.progress(b).under_way) return;
   // What is near now is where the instrument is no more when a reference factor made elsewhere comes into
   // use.
-  const Pose* X = sample.present ? &sample.pose : nullptr;
+  const InstrumentPoses X = poses_of(samples);
   const bool covered = keeps_references_ ? move_zone(c, b, X, {}, nodes) : move_zone(c, b, X, nodes, nodes);
   if (!covered) references.want(b);
   if (!covered && !keeps_references_) c.bodies[b].free.ahead = false;
 }
 
 // Returns whether the zone that the compliance has covers what is needed.
-bool FactorStage::move_zone(const StepContext& c, int b, const Pose* X, std::span<const int> first,
+bool FactorStage::move_zone(const StepContext& c, int b, const InstrumentPoses& X, std::span<const int> first,
                             std::span<const int> needed) const {
   const Within collision(c.times(), StepPart::collision);
   Compliance& compliance = *c.bodies[b].compliance;
-  const Zone zone = select_zone(
-      c.bodies[b], {c.instrument, c.motion.predictor(), X, c.settings.alarm_distance, keeps_references_,
-                    references.progress(b).last_steps, first, needed, c.contacts.nodes_of(b)});
+  const Zone zone =
+      select_zone(c.bodies[b], {c.instruments, c.motion, X, c.settings.alarm_distance, keeps_references_,
+                                references.progress(b).last_steps, first, needed, c.contacts.nodes_of(b)});
   const bool covered = compliance.zone_covers(zone.needed);
   // A zone for the next reference factor may follow the instrument at every step; one that is factored here
   // may not.
@@ -96,13 +96,13 @@ bool FactorStage::move_zone(const StepContext& c, int b, const Pose* X, std::spa
   return covered;
 }
 
-void FactorStage::cover(const StepContext& c, int b, const InstrumentSample& sample,
+void FactorStage::cover(const StepContext& c, int b, const InstrumentSamples& samples,
                         std::span<const int> nodes, StepReport& report) {
   Body& body = c.bodies[b];
   if (body.compliance->zone_covers(nodes)) return;
   // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
   // a reference factor there and meanwhile pay for a half solve per node.
-  follow(c, b, sample, nodes);
+  follow(c, b, samples, nodes);
   if (body.compliance->zone_covers(nodes))
     body.compliance->update(body.state);
   else
@@ -134,7 +134,7 @@ bool FactorStage::plausible(const StepContext& c, Body& body) const {
 
 void FactorStage::make_reference(const StepContext& c, int b, StepReport& report) {
   Body& body = c.bodies[b];
-  move_zone(c, b, c.motion.present() ? &c.motion.pose() : nullptr, c.patch.nodes_of(b), {});
+  move_zone(c, b, c.motion.poses(), c.patch.nodes_of(b), {});
   if (!body.references) return;
   std::unique_ptr<ReferenceFactor> reference = body.references->snapshot_reference(body.state);
   reference->make();

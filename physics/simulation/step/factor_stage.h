@@ -20,17 +20,17 @@ class FactorStage {
  public:
   FactorStage(const WorldSettings& settings, std::size_t bodies);
 
-  void run(const StepContext& c, const InstrumentSample& sample, StepReport& report);
+  void run(const StepContext& c, const InstrumentSamples& samples, StepReport& report);
   void renew(const StepContext& c, StepReport& report);
 
   // One body, asleep or not covered: zone at the instrument, factor, free motion.
   void factor(const StepContext& c, int body, StepReport& report);
 
   // The zone follows the instrument. nodes: that the patch has, or is to have.
-  void follow(const StepContext& c, int body, const InstrumentSample& sample, std::span<const int> nodes);
+  void follow(const StepContext& c, int body, const InstrumentSamples& samples, std::span<const int> nodes);
 
   // These nodes of the patch are to be had from the compliance now.
-  void cover(const StepContext& c, int body, const InstrumentSample& sample, std::span<const int> nodes,
+  void cover(const StepContext& c, int body, const InstrumentSamples& samples, std::span<const int> nodes,
              StepReport& report);
 
   // False: Δx_free takes nodes far, and one step of refinement would change it by its own size.
@@ -45,7 +45,7 @@ class FactorStage {
   ReferenceScheduling references;
 
  private:
-  bool move_zone(const StepContext& c, int body, const Pose* X, std::span<const int> first,
+  bool move_zone(const StepContext& c, int body, const InstrumentPoses& X, std::span<const int> first,
                  std::span<const int> needed) const;
 
   bool keeps_references_;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "physics/contact/missed_contact.h"
+
 namespace hapticd {
 namespace {
 
@@ -22,6 +24,7 @@ VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scrat
   const ContactRows& rows = scratch.rows;
   VecX f = VecX::Zero(3 * problem.nodes);
   for (int i = 0; i < rows.contacts; ++i) {
+    if (rows.row[i].other >= 0) continue;
     const PatchSample& s = problem.sample[rows.row[i].sample];
     if (s.node[0] < 0) continue;
     Vec3 force = scratch.lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
@@ -60,16 +63,16 @@ int correct_bodies(const StepContext& c, const VecX& patch_force) {
 InstrumentContact::InstrumentContact(double sample_spacing)
     : gatherer_(sample_spacing), scratch_(std::make_unique<ContactScratch>()) {}
 
-void InstrumentContact::gather(const StepContext& c, const Pose& X, std::span<const NearFace> near,
+void InstrumentContact::gather(const StepContext& c, const InstrumentPoses& X, std::span<const NearFace> near,
                                bool topology_changed, CondensedProblem& problem) {
   const WorldSettings& s = c.settings;
   problem.step = next_number();
-  problem.X_ref = X;
   problem.renewal = s.contact;
   problem.topology_changed = topology_changed;
   problem.alarm_distance = s.alarm_distance;
-  problem.coupling = s.coupling;
-  gatherer_.gather(c.bodies, c.instrument, X, s.alarm_distance, near, problem);
+  for (int i = 0; i < max_instruments; ++i) problem.instrument[i] = {X[i], s.coupling[i]};
+  problem.instrument_friction = s.instrument_friction;
+  gatherer_.gather(c.bodies, c.instruments, X, s.alarm_distance, near, problem);
   place(c, problem);
 }
 
@@ -81,7 +84,7 @@ void InstrumentContact::place(const StepContext& c, CondensedProblem& problem) c
   set_patch_positions(c.bodies, gatherer_.nodes(), problem);
 }
 
-void InstrumentContact::condense(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
+void InstrumentContact::condense(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
                                  CondensedProblem& problem, StepReport& report) {
   const Within condense(c.times(), StepPart::condense);
   const auto nodes = gatherer_.nodes();
@@ -94,7 +97,7 @@ void InstrumentContact::condense(const StepContext& c, FactorStage& factors, con
         index.push_back(static_cast<int>(i));
       }
     if (of_body.empty()) continue;
-    factors.cover(c, b, sample, of_body, report);
+    factors.cover(c, b, samples, of_body, report);
     const int n = static_cast<int>(of_body.size());
     block_.resize(3 * n, 3 * n);
     c.bodies[b].compliance->patch(of_body, block_);
@@ -104,26 +107,32 @@ void InstrumentContact::condense(const StepContext& c, FactorStage& factors, con
   }
 }
 
-void InstrumentContact::solve(const StepContext& c, const InstrumentSample& sample,
-                              const CondensedProblem& problem, const std::optional<Vec3>& last_force,
-                              StepReport& report) {
+void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& samples,
+                              const CondensedProblem& problem,
+                              const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   const Within solve(c.times(), StepPart::solve);
   const WorldSettings& settings = c.settings;
-  if (sample.present) {
+  const InstrumentPoses X = poses_of(samples);
+  if (X.any()) {
     // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
     // on the way, with all that the solves there remember.
-    const Pose from = displaced(c.motion.pose(), -c.motion.way());
-    const Vec6 way = difference(sample.pose, from);
-    const double far =
-        settings.contact == Renewal::renewed ? way.head<3>().norm() / settings.alarm_distance : 0;
+    InstrumentPoses from = X;
+    for (int i = 0; i < max_instruments; ++i)
+      if (X.present[i]) from[i] = displaced(c.motion[i].pose(), -c.motion[i].way());
+    const EachInstrument<Vec6> way = difference(X, from);
+    const double far = settings.contact == Renewal::renewed
+                           ? longest_in_reach(problem, c.instruments, X, way) / settings.alarm_distance
+                           : 0;
     const double parts = far > far_step ? std::min(far / contact_margin, most_parts) : 0;
     const ContactOptions options = contact_options(settings);
     for (int p = 1; p <= parts; ++p)
-      solve_contact(problem, c.instrument, displaced(from, p / (parts + 1) * way), settings.h, options,
+      solve_contact(problem, c.instruments, displaced(from, way, p / (parts + 1)), settings.h, options,
                     state.solver, *scratch_);
-    report.contact =
-        solve_contact(problem, c.instrument, sample.pose, settings.h, options, state.solver, *scratch_);
-    if (last_force) report.handover_jump = (report.contact.wrench.head<3>() - *last_force).norm();
+    report.contact = solve_contact(problem, c.instruments, X, settings.h, options, state.solver, *scratch_);
+    if (last)
+      for (int i = 0; i < max_instruments; ++i)
+        report.handover_jump = std::max(report.handover_jump,
+                                        (report.contact.wrench[i].head<3>() - (*last)[i].head<3>()).norm());
   } else {
     state.solver = ContactState{};
     scratch_->rows.contacts = 0;

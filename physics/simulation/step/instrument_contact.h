@@ -1,4 +1,5 @@
-// The instrument against what is near it: the patch, its compliance, the contact solve, and the correction.
+// The instruments against what is near them and one another: the patch, its compliance, the contact solve,
+// and the correction.
 //
 //   gather    surface near the pose → nodes, samples, x_now, x_free          (patch.h)
 //   condense  C_pp of the patch's nodes
@@ -39,8 +40,8 @@ class InstrumentContact {
   explicit InstrumentContact(double sample_spacing);
 
   // Fills all of a problem but C_pp. near: the faces near X.
-  void gather(const StepContext& c, const Pose& X, std::span<const NearFace> near, bool topology_changed,
-              CondensedProblem& problem);
+  void gather(const StepContext& c, const InstrumentPoses& X, std::span<const NearFace> near,
+              bool topology_changed, CondensedProblem& problem);
 
   // A problem's number: they count up from 1, with every publication.
   std::uint64_t next_number() { return ++problems_; }
@@ -48,12 +49,12 @@ class InstrumentContact {
   // x_now and x_free of the present state and free motion.
   void place(const StepContext& c, CondensedProblem& problem) const;
 
-  void condense(const StepContext& c, FactorStage& factors, const InstrumentSample& sample,
+  void condense(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
                 CondensedProblem& problem, StepReport& report);
 
-  // last_force: at this pose, of the problem published last; the step is then reported as a handover.
-  void solve(const StepContext& c, const InstrumentSample& sample, const CondensedProblem& problem,
-             const std::optional<Vec3>& last_force, StepReport& report);
+  // last: wrenches at these poses, of the problem published last; the step is then reported as a handover.
+  void solve(const StepContext& c, const InstrumentSamples& samples, const CondensedProblem& problem,
+             const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
   const PatchGatherer& patch() const { return gatherer_; }
   ContactScratch& scratch() { return *scratch_; }

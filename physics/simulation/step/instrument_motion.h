@@ -6,8 +6,8 @@
 // Units: m, rad, s. Guarantee: wait-free, no allocation.
 #pragma once
 
+#include "physics/contact/instruments.h"
 #include "physics/simulation/step/pose_predictor.h"
-#include "physics/types.h"
 
 namespace hapticd {
 
@@ -19,6 +19,13 @@ struct InstrumentSample {
   bool aspiration = false;
   double time = 0;  // when that was, on any one clock [s]; 0: a step after the sample before
 };
+
+// Of all instruments of a world; one converts.
+using InstrumentSamples = EachInstrument<InstrumentSample>;
+
+// Where those are that are present.
+InstrumentPoses poses_of(const InstrumentSamples& samples) noexcept;
+inline bool any_present(const InstrumentSamples& samples) noexcept { return poses_of(samples).any(); }
 
 class InstrumentMotion {
  public:
@@ -32,7 +39,7 @@ class InstrumentMotion {
   const PosePredictor& predictor() const noexcept { return predictor_; }
 
   // The newest sample was at this very pose.
-  bool is_at(const Pose& X) const noexcept;
+  bool is_at(const InstrumentSample& sample) const noexcept;
 
  private:
   Pose pose_;
@@ -41,6 +48,22 @@ class InstrumentMotion {
   PosePredictor predictor_;
   double time_ = 0;  // [s]
   bool present_ = false;
+};
+
+// How each moves.
+class InstrumentMotions {
+ public:
+  void follow(const InstrumentSamples& samples, double h);
+
+  const InstrumentMotion& operator[](int i) const noexcept { return motion_[i]; }
+  InstrumentPoses poses() const noexcept;  // of the newest samples
+  EachInstrument<Vec6> way() const noexcept;
+  EachInstrument<Vec6> twist() const noexcept;
+  // The newest samples were at these very poses.
+  bool are_at(const InstrumentSamples& samples) const noexcept;
+
+ private:
+  EachInstrument<InstrumentMotion> motion_;
 };
 
 }  // namespace hapticd

@@ -65,16 +65,17 @@ bool fill_body(const StepContext& c, int b, std::span<const int> gone, const Pat
 
 }  // namespace
 
-ContactSolution PublishedProblem::solve(const StepContext& c, const Pose& X,
+ContactSolution PublishedProblem::solve(const StepContext& c, const InstrumentPoses& X,
                                         const ContactState& before) const {
   ContactState state = before;
   state.frozen_step = 0;  // the rows of that step are in the other scratch
-  return solve_contact(*problem, c.instrument, X, c.settings.h, contact_options(c.settings), state, *scratch);
+  return solve_contact(*problem, c.instruments, X, c.settings.h, contact_options(c.settings), state,
+                       *scratch);
 }
 
 bool has_interim_problem(const StepContext& c, const std::vector<std::vector<int>>& gone,
-                         const InstrumentSample& sample) {
-  if (!sample.present || !c.contacts.empty() || c.settings.contact != Renewal::renewed) return false;
+                         const InstrumentSamples& samples) {
+  if (!any_present(samples) || !c.contacts.empty() || c.settings.contact != Renewal::renewed) return false;
   for (int b = 0; b < c.body_count(); ++b)
     if (!gone[b].empty() && c.bodies[b].model.corotational && !c.bodies[b].free.ahead) return false;
   return true;

@@ -22,7 +22,7 @@ struct PublishedProblem {
 
   bool any() const { return problem->step > 0; }
   // At X, with what contact remembers; that is left as it was.
-  ContactSolution solve(const StepContext& c, const Pose& X, const ContactState& before) const;
+  ContactSolution solve(const StepContext& c, const InstrumentPoses& X, const ContactState& before) const;
 };
 
 // A force on the nodes of a patch that is no more.
@@ -33,7 +33,7 @@ struct PatchForce {
 
 // False: of these bodies, settings or pose no interim problem is made. gone: per body, as told to nobody yet.
 bool has_interim_problem(const StepContext& c, const std::vector<std::vector<int>>& gone,
-                         const InstrumentSample& sample);
+                         const InstrumentSamples& samples);
 
 // Positions and C_pp of the patch just gathered, into `problem`. pressed: what held the bodies before. False:
 // what is left has nothing that holds it, or a zone leaves too much out.

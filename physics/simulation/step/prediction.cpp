@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/missed_contact.h"
 #include "physics/simulation/step/instrument_contact.h"
 #include "physics/simulation/step/predicted_linearisation.h"
 
@@ -14,8 +15,8 @@ constexpr double first_use = 0.25;    // of a step, after the pose, of a problem
 constexpr double part_of_way = 0.05;  // in alarm distances, that contact is solved on
 constexpr double most_parts = 6;
 
-Pose pose_ahead(const StepContext& c, const Pose& X) {
-  const Vec6 way = c.settings.lead * c.motion.twist();
+Pose pose_ahead(const StepContext& c, int i, const Pose& X) {
+  const Vec6 way = c.settings.lead * c.motion[i].twist();
   const double most = most_ahead * c.settings.alarm_distance;
   return displaced(X, std::min(1.0, most / std::max(way.head<3>().norm(), 1e-12)) * way);
 }
@@ -26,34 +27,39 @@ Prediction::Prediction(const WorldSettings& settings) {
   if (predicts(settings)) scratch_ = std::make_unique<ContactScratch>();
 }
 
-ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& problem, const Pose& X,
-                                  const ContactState& before, bool on_the_way) {
+ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& problem,
+                                  const InstrumentPoses& X, const ContactState& before, bool on_the_way) {
   ContactState state = before;
   const double h = c.settings.h;
-  const Vec6 way = difference(X, problem.X_ref);
+  InstrumentPoses from = X;
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i]) from[i] = problem.instrument[i].X_ref;
+  const EachInstrument<Vec6> way = difference(X, from);
   const double parts =
       on_the_way
-          ? std::min(std::ceil(way.head<3>().norm() / (part_of_way * c.settings.alarm_distance)), most_parts)
+          ? std::min(std::ceil(longest_in_reach(problem, c.instruments, X, way) /
+                               (part_of_way * c.settings.alarm_distance)),
+                     most_parts)
           : 1;
   const ContactOptions options = contact_options(c.settings);
   for (int p = 1; p < parts; ++p)
-    solve_contact(problem, c.instrument, displaced(problem.X_ref, p / parts * way), h, options, state,
-                  *scratch_);
-  return solve_contact(problem, c.instrument, X, h, options, state, *scratch_);
+    solve_contact(problem, c.instruments, displaced(from, way, p / parts), h, options, state, *scratch_);
+  return solve_contact(problem, c.instruments, X, h, options, state, *scratch_);
 }
 
 VecX Prediction::force(const CondensedProblem& problem) const { return force_on_patch(problem, *scratch_); }
 
 void Prediction::linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
-                           const InstrumentSample& sample, const ContactState& before, bool removing,
+                           const InstrumentSamples& samples, const ContactState& before, bool removing,
                            StepReport& report) {
-  InstrumentSample there = sample;
-  there.pose = pose_ahead(c, sample.pose);
+  InstrumentSamples there = samples;
+  for (int i = 0; i < max_instruments; ++i) there[i].pose = pose_ahead(c, i, samples[i].pose);
   VecX patch_force = VecX::Zero(3 * problem.nodes);
-  if (sample.present) {
+  const InstrumentPoses here = poses_of(samples);
+  if (here.any()) {
     const Within solving(c.times(), StepPart::solve);
     const double share = removing ? std::min(1.0, first_use * c.settings.h / c.settings.lead) : 1;
-    const Pose X = displaced(sample.pose, share * difference(there.pose, sample.pose));
+    const InstrumentPoses X = displaced(here, difference(poses_of(there), here), share);
     if (usable(solve(c, problem, X, before, removing))) patch_force = force(problem);
   }
   for (int b = 0; b < c.body_count(); ++b)
@@ -62,7 +68,7 @@ void Prediction::linearise(const StepContext& c, FactorStage& factors, const Con
 }
 
 void Prediction::linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
-                                const InstrumentSample& there, StepReport& report) const {
+                                const InstrumentSamples& there, StepReport& report) const {
   Body& body = c.bodies[b];
   const double h = c.settings.h;
   VecX force = force_on_body(body, b, c.patch.nodes(), patch_force);
@@ -78,7 +84,7 @@ void Prediction::linearise_body(const StepContext& c, FactorStage& factors, int 
     body.free.dx -= force;
     return;
   }
-  if (there.present) factors.follow(c, b, there, c.patch.nodes_of(b));
+  if (any_present(there)) factors.follow(c, b, there, c.patch.nodes_of(b));
   linearise_ahead(body, h);
   body.free.ahead = true;
   if (factors.plausible(c, body)) return;

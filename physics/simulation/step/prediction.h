@@ -1,4 +1,4 @@
-// The last stage of a step: bodies are linearised where the instrument is about to take them.
+// The last stage of a step: bodies are linearised where the instruments are about to take them.
 //
 //   the contact solve of the problem at hand, at the pose `lead` later → f → Δx_p → predicted_linearisation.h
 //
@@ -21,7 +21,7 @@ class Prediction {
 
   // Contact at X, from where the problem was made. on_the_way: a thin piece that a removal left may give way
   // to either side of the instrument, or be held by friction; it is met on the way.
-  ContactSolution solve(const StepContext& c, const CondensedProblem& problem, const Pose& X,
+  ContactSolution solve(const StepContext& c, const CondensedProblem& problem, const InstrumentPoses& X,
                         const ContactState& before, bool on_the_way);
 
   // By node of the patch: of the last solve [N].
@@ -29,12 +29,12 @@ class Prediction {
 
   // The bodies; problem: at the end of the step, before C_pp and positions are renewed.
   void linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
-                 const InstrumentSample& sample, const ContactState& before, bool removing,
+                 const InstrumentSamples& samples, const ContactState& before, bool removing,
                  StepReport& report);
 
  private:
   void linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
-                      const InstrumentSample& there, StepReport& report) const;
+                      const InstrumentSamples& there, StepReport& report) const;
 
   std::unique_ptr<ContactScratch> scratch_;  // only with a lead
 };

@@ -125,8 +125,7 @@ Aspirated fragments_at_tip(const TissueModel& model, const TissueState& state, c
   };
   Aspirated out;
   for (const Fragment& fragment : find_fragments(model, state)) {
-    if (fragment.held || static_cast<int>(fragment.tets.size()) > settings.aspiration_max_tets)
-      continue;
+    if (fragment.held || static_cast<int>(fragment.tets.size()) > settings.aspiration_max_tets) continue;
     const bool near = std::any_of(fragment.tets.begin(), fragment.tets.end(), [&](int e) {
       const Tet& t = model.mesh.tets[e];
       return std::any_of(t.begin(), t.end(), reached);

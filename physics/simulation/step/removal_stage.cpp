@@ -6,8 +6,8 @@
 
 namespace hapticd {
 
-Removed RemovalStage::remove(Bodies& bodies, const Instrument& instrument, const InstrumentSample& sample,
-                             const Pose& tip) {
+Removed RemovalStage::remove(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
+                             const InstrumentPoses& tips) {
   Removed out;
   const auto count = [&](int b, int gone) {
     if (gone == 0) return;
@@ -16,30 +16,33 @@ Removed RemovalStage::remove(Bodies& bodies, const Instrument& instrument, const
   };
   for (const Scheduled& s : scheduled_) count(s.body, take(bodies, s.body, s.tets));
   scheduled_.clear();
-  remove_at_tip(bodies, instrument, sample, tip, out);
+  for (int i = 0; i < instruments.count(); ++i)
+    remove_at_tip(bodies, i, instruments[i], samples[i], tips[i], out);
   total_ += out.tets;
   return out;
 }
 
-void RemovalStage::remove_at_tip(Bodies& bodies, const Instrument& instrument, const InstrumentSample& sample,
-                                 const Pose& tip, Removed& out) {
+void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instrument,
+                                 const InstrumentSample& sample, const Pose& tip, Removed& out) {
+  const RemovalSettings& settings = settings_[i];
+  double& budget = budget_[i];
   const bool cutting = sample.present && sample.phaco;
   // What a tip in the open does not spend does not pile up: one element and one step's worth at most.
-  const double per_step = settings_.rate * h_;
-  budget_ = cutting ? std::min(budget_ + per_step, 1 + per_step) : 0;
+  const double per_step = settings.rate * h_;
+  budget = cutting ? std::min(budget + per_step, 1 + per_step) : 0;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     Body& body = bodies[b];
     if (!body.removable) continue;
     int gone = 0;
-    if (budget_ >= 1) {
-      std::vector<int> tets = tets_at_tip(body.model, body.state, instrument, tip, settings_.stroke);
-      tets.resize(std::min(tets.size(), static_cast<std::size_t>(budget_)));
-      budget_ -= static_cast<double>(tets.size());
+    if (budget >= 1) {
+      std::vector<int> tets = tets_at_tip(body.model, body.state, instrument, tip, settings.stroke);
+      tets.resize(std::min(tets.size(), static_cast<std::size_t>(budget)));
+      budget -= static_cast<double>(tets.size());
       gone += take(bodies, static_cast<int>(b), tets);
       gone += take(bodies, static_cast<int>(b), hinged_fragments(body.model, body.state, tets, crumb_tets));
     }
-    if (sample.present && sample.aspiration && settings_.aspiration_max_tets > 0 && body.state.removed > 0) {
-      const Aspirated sucked = fragments_at_tip(body.model, body.state, instrument, tip, settings_);
+    if (sample.present && sample.aspiration && settings.aspiration_max_tets > 0 && body.state.removed > 0) {
+      const Aspirated sucked = fragments_at_tip(body.model, body.state, instrument, tip, settings);
       if (sucked.fragments > 0) {
         gone += take(bodies, static_cast<int>(b), sucked.tets);
         out.fragments_aspirated += sucked.fragments;

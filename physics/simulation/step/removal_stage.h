@@ -22,15 +22,15 @@ struct Removed {
 
 class RemovalStage {
  public:
-  RemovalStage(const RemovalSettings& settings, double h, std::size_t bodies)
+  RemovalStage(const EachInstrument<RemovalSettings>& settings, double h, std::size_t bodies)
       : settings_(settings), h_(h), gone_(bodies) {}
 
   // The next `remove` takes these too, whatever the tip does.
   void schedule(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
 
-  // tip: the instrument's pose when the problem without these is in use.
-  Removed remove(Bodies& bodies, const Instrument& instrument, const InstrumentSample& sample,
-                 const Pose& tip);
+  // tips: the instruments' poses when the problem without these is in use.
+  Removed remove(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
+                 const InstrumentPoses& tips);
 
   // Per body: gone in this step, and its compliance does not know yet.
   const std::vector<std::vector<int>>& gone() const { return gone_; }
@@ -45,14 +45,14 @@ class RemovalStage {
   };
 
   int take(Bodies& bodies, int b, std::span<const int> tets);
-  void remove_at_tip(Bodies& bodies, const Instrument& instrument, const InstrumentSample& sample,
+  void remove_at_tip(Bodies& bodies, int i, const Instrument& instrument, const InstrumentSample& sample,
                      const Pose& tip, Removed& out);
 
-  RemovalSettings settings_;
+  EachInstrument<RemovalSettings> settings_;
   double h_;
   std::vector<Scheduled> scheduled_;
   std::vector<std::vector<int>> gone_;
-  double budget_ = 0;  // tetrahedra that the rate allows now
+  EachInstrument<double> budget_;  // tetrahedra that the rate allows now
   int total_ = 0;
 };
 

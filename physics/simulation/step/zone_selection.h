@@ -1,6 +1,6 @@
 // Which nodes a compliance is to keep at hand: those that patches will be made of.
 //
-// With a factor made in the step, the zone is what is near the instrument now. With a reference factor made
+// With a factor made in the step, the zone is what is near the instruments now. With a reference factor made
 // elsewhere (`made_elsewhere`) it is what will be near while that factor is in use: along the instrument's
 // way from its adoption to the adoption of the next. Units: m, steps. Errors: none.
 #pragma once
@@ -8,16 +8,15 @@
 #include <span>
 #include <vector>
 
-#include "physics/contact/instrument.h"
 #include "physics/simulation/body.h"
-#include "physics/simulation/step/pose_predictor.h"
+#include "physics/simulation/step/instrument_motion.h"
 
 namespace hapticd {
 
 struct ZoneRequest {
-  const Instrument& instrument;
-  const PosePredictor& predictor;
-  const Pose* X;          // null: no instrument
+  Instruments instruments;
+  const InstrumentMotions& motion;
+  InstrumentPoses X;
   double alarm_distance;  // [m]
   bool made_elsewhere;
   int last_steps;                      // that the last reference factor took

@@ -26,7 +26,7 @@ struct Sheet {
     settings.reach = 1e-3;
     settings.friction = friction;
     problem = sheet_problem(random, settings);
-    problem->X_ref = at(0);
+    problem->instrument[0].X_ref = at(0);
   }
 
   // Sphere with its lowest point `depth` below the undeformed sheet, off its symmetry.
@@ -42,7 +42,7 @@ TEST(ContactSolve, FreeSpaceGivesZero) {
     const ContactSolution out = loop.solve(*s.problem, s.instrument, Sheet::at(-0.1e-3));
     EXPECT_GT(out.contacts, 0);  // rows exist before touch
     EXPECT_EQ(out.active, 0);
-    EXPECT_TRUE(out.wrench.isZero(0));
+    EXPECT_TRUE(out.wrench[0].isZero(0));
     EXPECT_EQ(out.penetration, 0);
     EXPECT_EQ(loop.solve(*s.problem, s.instrument, Sheet::at(-5e-3)).contacts, 0);
   }
@@ -55,20 +55,20 @@ TEST(ContactSolve, SphereOnASpringIsTwoSpringsInSeries) {
   for (const double friction : {0.0, 0.4})
     for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
       const auto problem = spring_problem(k, Vec3::Zero(), friction);
-      problem->coupling = {K, 0.05, damping_time};
+      problem->instrument[0].coupling = {K, 0.05, damping_time};
       problem->renewal = renewal;
-      problem->X_ref = {Vec3(0, 0, 1e-3), Quat::Identity()};
+      problem->instrument[0].X_ref = {Vec3(0, 0, 1e-3), Quat::Identity()};
       const Instrument instrument = sphere_instrument(1e-3);
       const Pose X{Vec3(0, 0, 1e-3 - depth), Quat::Identity()};
       ContactLoop loop;
       ContactSolution out = loop.solve(*problem, instrument, X);
       const double at_once = depth / (1 / k + 1 / (K * (1 + damping_time / T)));
-      EXPECT_NEAR(out.wrench[2], at_once, 1e-8 * at_once);
+      EXPECT_NEAR(out.wrench[0][2], at_once, 1e-8 * at_once);
       for (int tick = 0; tick < 200; ++tick) out = loop.solve(*problem, instrument, X);
       const double at_rest = depth / (1 / k + 1 / K);
-      EXPECT_NEAR(out.wrench[2], at_rest, 1e-8 * at_rest);
-      EXPECT_LT(out.wrench.head<2>().norm() + out.wrench.tail<3>().norm(), 1e-8 * at_rest);
-      EXPECT_NEAR(out.instrument.p.z() - X.p.z(), at_rest / K, 1e-8 * depth);
+      EXPECT_NEAR(out.wrench[0][2], at_rest, 1e-8 * at_rest);
+      EXPECT_LT(out.wrench[0].head<2>().norm() + out.wrench[0].tail<3>().norm(), 1e-8 * at_rest);
+      EXPECT_NEAR(out.instrument[0].p.z() - X.p.z(), at_rest / K, 1e-8 * depth);
       EXPECT_NEAR(loop.scratch->x[0].z(), -at_rest / k, 1e-8 * depth);
       EXPECT_LT(out.penetration, 1e-8 * depth);
       EXPECT_EQ(out.active, 1);
@@ -80,8 +80,8 @@ TEST(ContactSolve, NoCouplingStiffnessMeansHeldRigidly) {
   const Instrument instrument = sphere_instrument(1e-3);
   ContactLoop loop;
   const ContactSolution out = loop.solve(*problem, instrument, {Vec3(0, 0, 0.7e-3), Quat::Identity()});
-  EXPECT_NEAR(out.wrench[2], 40 * 0.3e-3, 1e-9);
-  EXPECT_EQ(out.instrument.p.z(), 0.7e-3);
+  EXPECT_NEAR(out.wrench[0][2], 40 * 0.3e-3, 1e-9);
+  EXPECT_EQ(out.instrument[0].p.z(), 0.7e-3);
 }
 
 TEST(ContactSolve, RigidObstacleIsFeltThroughTheCouplingAlone) {
@@ -89,12 +89,12 @@ TEST(ContactSolve, RigidObstacleIsFeltThroughTheCouplingAlone) {
     const auto problem = spring_problem(1, Vec3::Zero(), friction);
     problem->nodes = 0;
     problem->sample[0].node = {-1, -1, -1};
-    problem->coupling = {300, 0.05, 0};
+    problem->instrument[0].coupling = {300, 0.05, 0};
     ContactLoop loop;
     ContactSolution out;
     for (int tick = 0; tick < 50; ++tick)
       out = loop.solve(*problem, sphere_instrument(1e-3), {Vec3(0, 0, 0.7e-3), Quat::Identity()});
-    EXPECT_NEAR(out.wrench[2], 300 * 0.3e-3, 2e-3 * 300 * 0.3e-3);
+    EXPECT_NEAR(out.wrench[0][2], 300 * 0.3e-3, 2e-3 * 300 * 0.3e-3);
     EXPECT_LT(out.penetration, 2e-3 * 0.3e-3);
   }
 }
@@ -103,19 +103,19 @@ TEST(ContactSolve, RigidObstacleIsFeltThroughTheCouplingAlone) {
 // ½ fᵀC f + ½ eᵀK e that tissue and coupling hold.
 TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
   Sheet s(0.0);
-  s.problem->coupling.damping_time = 0;
+  s.problem->instrument[0].coupling.damping_time = 0;
   s.instrument.primitives[0].placement.p = {0.4e-3, 0.2e-3, 0};  // so that there is a torque
   Vec6 wrench;
   const auto energy = [&](const Pose& X) {
     ContactLoop loop;
     loop.options.linearisations = 60;
     const ContactSolution out = loop.solve(*s.problem, s.instrument, X);
-    wrench = out.wrench;
+    wrench = out.wrench[0];
     const VecX f = dense_H(*s.problem, loop.scratch->rows).transpose() *
                    Eigen::Map<const VecX>(loop.scratch->lambda.data(), loop.scratch->rows.rows());
-    const Vec6 e = difference(X, out.instrument);
-    return 0.5 * f.dot(s.problem->C() * f) + 0.5 * s.problem->coupling.stiffness * e.head<3>().squaredNorm() +
-           0.5 * s.problem->coupling.rotational_stiffness * e.tail<3>().squaredNorm();
+    const Vec6 e = difference(X, out.instrument[0]);
+    return 0.5 * f.dot(s.problem->C() * f) + 0.5 * s.problem->instrument[0].coupling.stiffness * e.head<3>().squaredNorm() +
+           0.5 * s.problem->instrument[0].coupling.rotational_stiffness * e.tail<3>().squaredNorm();
   };
   const Pose X = Sheet::at(0.3e-3);
   const double h = 1e-7;
@@ -134,14 +134,14 @@ TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
 // The simulation solves cold, the haptic loop comes from a history: at equal poses the forces are equal.
 TEST(ContactSolve, TwoLoopsAgreeAtEqualPoses) {
   Sheet s(0.0);
-  s.problem->coupling.damping_time = 0;
+  s.problem->instrument[0].coupling.damping_time = 0;
   ContactLoop haptic, simulation;
   haptic.options.linearisations = simulation.options.linearisations = 60;
   for (int tick = 0; tick < 20; ++tick) {
     const Pose X = Sheet::at(0.4e-3 * std::sin(0.3 * tick), 0.3e-3 * std::cos(0.2 * tick));
-    const Vec6 warm = haptic.solve(*s.problem, s.instrument, X).wrench;
+    const Vec6 warm = haptic.solve(*s.problem, s.instrument, X).wrench[0];
     simulation.state = {};
-    const Vec6 cold = simulation.solve(*s.problem, s.instrument, X).wrench;
+    const Vec6 cold = simulation.solve(*s.problem, s.instrument, X).wrench[0];
     EXPECT_LT((warm - cold).norm(), 1e-9 * std::max(cold.norm(), 1e-3)) << tick;
   }
 }
@@ -153,8 +153,8 @@ TEST(ContactSolve, EqualHistoriesGiveEqualForcesWithFriction) {
     ContactLoop a, b;
     for (int tick = 0; tick < 50; ++tick) {
       const Pose X = Sheet::at(0.3e-3, 1e-5 * tick);
-      const Vec6 first = a.solve(*s.problem, s.instrument, X).wrench;
-      EXPECT_LT((first - b.solve(*s.problem, s.instrument, X).wrench).norm(), 1e-9 * first.norm());
+      const Vec6 first = a.solve(*s.problem, s.instrument, X).wrench[0];
+      EXPECT_LT((first - b.solve(*s.problem, s.instrument, X).wrench[0]).norm(), 1e-9 * first.norm());
     }
   }
 }
@@ -165,12 +165,12 @@ TEST(ContactSolve, FrozenAndRenewedAgreeInTheLimitOfSmallDepth) {
     double previous = 0;
     for (const double depth : {160e-6, 80e-6, 40e-6}) {
       Sheet s(friction);
-      s.problem->X_ref = Sheet::at(depth);
+      s.problem->instrument[0].X_ref = Sheet::at(depth);
       ContactLoop renewed, frozen;
       renewed.options.linearisations = 30;
-      const Vec6 a = renewed.solve(*s.problem, s.instrument, s.problem->X_ref).wrench;
+      const Vec6 a = renewed.solve(*s.problem, s.instrument, s.problem->instrument[0].X_ref).wrench[0];
       s.problem->renewal = Renewal::frozen;
-      const Vec6 b = frozen.solve(*s.problem, s.instrument, s.problem->X_ref).wrench;
+      const Vec6 b = frozen.solve(*s.problem, s.instrument, s.problem->instrument[0].X_ref).wrench[0];
       const double apart = (a - b).norm() / a.norm();
       EXPECT_GT(a[2], 0);
       if (previous > 0) {
@@ -195,17 +195,17 @@ TEST(ContactSolve, StickDoesNotCreep) {
     ContactSolution held;
     const Pose hold = Sheet::at(0.3e-3, 60e-6);
     for (int tick = 0; tick < 200; ++tick) held = loop.solve(*s.problem, s.instrument, hold);
-    EXPECT_LT(held.wrench[0], -1e-4);  // dragged towards +x, pulled back
+    EXPECT_LT(held.wrench[0][0], -1e-4);  // dragged towards +x, pulled back
     ContactSolution later;
     for (int tick = 0; tick < 10000; ++tick) later = loop.solve(*s.problem, s.instrument, hold);
-    EXPECT_LT((later.wrench - held.wrench).norm(), 1e-9 * held.wrench.norm());
+    EXPECT_LT((later.wrench[0] - held.wrench[0]).norm(), 1e-9 * held.wrench[0].norm());
   }
 }
 
 TEST(ContactSolve, DraggedContactSlidesWithMuTimesNormalForce) {
   const double mu = 0.25;
   const auto problem = spring_problem(40, Vec3::Zero(), mu);
-  problem->coupling = {300, 0.0, 0};
+  problem->instrument[0].coupling = {300, 0.0, 0};
   Primitive plate;  // a wide flat end, so that the normal stays vertical
   plate.shape = Shape::cylinder;
   plate.radius = 20e-3;
@@ -217,16 +217,16 @@ TEST(ContactSolve, DraggedContactSlidesWithMuTimesNormalForce) {
   for (int tick = 0; tick < 1500; ++tick)
     out = loop.solve(*problem, instrument, {Vec3(5e-6 * tick, 0, 1e-3 - 0.3e-3), Quat::Identity()});
   const double normal_force = 0.3e-3 / (1.0 / 40 + 1.0 / 300);
-  EXPECT_NEAR(out.wrench[2], normal_force, 1e-6 * normal_force);
-  EXPECT_NEAR(out.wrench[0], -mu * normal_force, 1e-6 * normal_force);
-  EXPECT_NEAR(out.wrench[1], 0, 1e-6 * normal_force);
+  EXPECT_NEAR(out.wrench[0][2], normal_force, 1e-6 * normal_force);
+  EXPECT_NEAR(out.wrench[0][0], -mu * normal_force, 1e-6 * normal_force);
+  EXPECT_NEAR(out.wrench[0][1], 0, 1e-6 * normal_force);
   EXPECT_NEAR(loop.scratch->x[0].x(), mu * normal_force / 40, 1e-6 * 0.3e-3);
 }
 
 // Held below the cone the single spring follows the drag: both springs in series sideways too.
 TEST(ContactSolve, StickingContactPullsLikeTwoSpringsInSeries) {
   const auto problem = spring_problem(40, Vec3::Zero(), 0.9);
-  problem->coupling = {300, 0.0, 0};
+  problem->instrument[0].coupling = {300, 0.0, 0};
   Primitive plate;
   plate.shape = Shape::cylinder;
   plate.radius = 20e-3;
@@ -238,7 +238,7 @@ TEST(ContactSolve, StickingContactPullsLikeTwoSpringsInSeries) {
   ContactSolution out;
   for (int tick = 0; tick <= 100; ++tick)
     out = loop.solve(*problem, instrument, {Vec3(1e-6 * tick, 0, 1e-3 - 0.3e-3), Quat::Identity()});
-  EXPECT_NEAR(out.wrench[0], -100e-6 / (1.0 / 40 + 1.0 / 300), 1e-8);
+  EXPECT_NEAR(out.wrench[0][0], -100e-6 / (1.0 / 40 + 1.0 / 300), 1e-8);
 }
 
 TEST(ContactSolve, PenetrationIsLeftOnlyByTheLinearisation) {
@@ -259,13 +259,13 @@ TEST(ContactSolve, NotFinitePoseGivesZeroForceAndForgets) {
     Sheet s(0.3);
     s.problem->renewal = renewal;
     ContactLoop loop;
-    const Vec6 before = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench;
+    const Vec6 before = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench[0];
     Pose broken = Sheet::at(0.2e-3);
     broken.p.x() = std::numeric_limits<double>::quiet_NaN();
     const ContactSolution out = loop.solve(*s.problem, s.instrument, broken);
     EXPECT_EQ(out.status, SolveStatus::not_finite);
-    EXPECT_TRUE(out.wrench.isZero(0));
-    const Vec6 after = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench;
+    EXPECT_TRUE(out.wrench[0].isZero(0));
+    const Vec6 after = loop.solve(*s.problem, s.instrument, Sheet::at(0.2e-3)).wrench[0];
     EXPECT_LT((after - before).norm(), 1e-9 * before.norm());
   }
 }

@@ -59,7 +59,7 @@ Held held_pose(std::uint64_t seed, double mu, int nodes, int ticks_down) {
   sheet.friction = mu;
   const auto problem = sheet_problem(random, sheet);
   problem->alarm_distance = 0.8e-3;
-  problem->coupling = {.stiffness = uniform(random, 50, 500),
+  problem->instrument[0].coupling = {.stiffness = uniform(random, 50, 500),
                        .rotational_stiffness = std::exp(uniform(random, std::log(1e-4), std::log(1e-1))),
                        .damping_time = 2e-3};
   ContactLoop loop;
@@ -76,7 +76,7 @@ Held held_pose(std::uint64_t seed, double mu, int nodes, int ticks_down) {
     loop.options.activation_distance = std::max(moves ? 3 * step : 0, 0.2 * margin);
     const Pose X{side + Vec3(0, 0, above - step * std::min(t + 1, ticks_down)), turn};
     const ContactSolution solution = loop.solve(*problem, instrument, X);
-    const Vec3 force = solution.wrench.head<3>();
+    const Vec3 force = solution.wrench[0].head<3>();
     if (t >= ticks_down + ticks_held) {
       held.solved = held.solved && solution.status == SolveStatus::solved;
       held.change = std::max(held.change, (force - before).norm() / std::max(force.norm(), 1e-3));
@@ -98,12 +98,14 @@ int count_swinging(double mu, int nodes, int ticks_down) {
   return swinging;
 }
 
-// With one row a sample 5 of 400 swung. In the one that is left a sample is 0.16 mm inside of a part, past
-// its middle, and is met from either side in turns: `lost` says so, and the haptic step as contact_lost.
-TEST(HeldPose, SettlesWithoutFriction) { EXPECT_LE(count_swinging(0, 6, 20), 1); }
+// With one row a sample 5 of 400 swung; with the published normals to tell the inner side, 1.
+TEST(HeldPose, SettlesWithoutFriction) { EXPECT_EQ(count_swinging(0, 6, 20), 0); }
 
-// Put there at once; with one row a sample 6 of 400 swung.
-TEST(HeldPose, SettlesWithFriction) { EXPECT_LE(count_swinging(0.5, 9, 1), 1); }
+// Put there at once; with one row a sample 6 of 400 swung, with the published normals 1.
+TEST(HeldPose, SettlesWithFriction) { EXPECT_EQ(count_swinging(0.5, 9, 1), 0); }
+
+// A pose that begins deep in the tissue, without friction: what swings still, a bound to be lowered.
+TEST(HeldPose, PutThereAtOnceWithoutFrictionMostSettle) { EXPECT_LE(count_swinging(0, 9, 1), 6); }
 
 // A sample on a spring k in the notch of two balls of radius r, 2a apart, held rigidly: it comes to rest
 // touching both,
@@ -123,8 +125,8 @@ TEST(HeldPose, ASampleInANotchTouchesBothSides) {
   for (int tick = 0; tick < 20; ++tick) {
     const ContactSolution solution = loop.solve(*problem, balls, {Vec3(0, 0, h), Quat::Identity()});
     if (tick < 10) continue;
-    EXPECT_NEAR(solution.wrench[2], force, 1e-6 * force) << tick;
-    EXPECT_NEAR(solution.wrench[0], k * 2e-6, 1e-6 * force) << tick;
+    EXPECT_NEAR(solution.wrench[0][2], force, 1e-6 * force) << tick;
+    EXPECT_NEAR(solution.wrench[0][0], k * 2e-6, 1e-6 * force) << tick;
     EXPECT_LT(solution.penetration, 1e-9);
     EXPECT_EQ(solution.lost, 0);
   }

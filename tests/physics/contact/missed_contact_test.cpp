@@ -30,7 +30,7 @@ struct Pocket {
   }
   static Pose at(double depth) { return {Vec3(0.05e-3, 0.02e-3, 0.6e-3 - depth), Quat::Identity()}; }
 
-  double force_at(double depth) { return loop.solve(*problem, instrument, at(depth)).wrench[2]; }
+  double force_at(double depth) { return loop.solve(*problem, instrument, at(depth)).wrench[0][2]; }
   // The way a hand goes: 20 µm a solve.
   double go(double from, double to) {
     double force = 0;
@@ -73,8 +73,8 @@ TEST(MissedContact, FewerRowsAtFirstGiveTheSameForces) {
       few.loop.options.activation_distance = mu > 0 ? std::max(3 * way.norm(), 0.04e-3) : 0.02e-3;
       const ContactSolution a = all.loop.solve(*all.problem, all.instrument, X),
                             b = few.loop.solve(*few.problem, few.instrument, X);
-      const double scale = std::max(a.wrench.head<3>().norm(), 1e-3);
-      EXPECT_LT((a.wrench - b.wrench).head<3>().norm(), 1e-6 * scale) << mu << " " << k;
+      const double scale = std::max(a.wrench[0].head<3>().norm(), 1e-3);
+      EXPECT_LT((a.wrench[0] - b.wrench[0]).head<3>().norm(), 1e-6 * scale) << mu << " " << k;
       rows += a.contacts;
       fewer += b.contacts;
     }

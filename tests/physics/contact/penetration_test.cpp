@@ -18,9 +18,41 @@ TEST(Penetration, CountsSamplesThatAreNoRows) {
   ContactLoop loop;
   const ContactSolution solution = loop.solve(*problem, ball, X);
   EXPECT_EQ(solution.contacts, 0);
-  EXPECT_EQ(solution.wrench.norm(), 0);
+  EXPECT_EQ(solution.wrench[0].norm(), 0);
   EXPECT_NEAR(solution.penetration, 1.5e-3, 1e-12);
   EXPECT_NEAR(solution.lost, 1.5e-3, 1e-12);
+}
+
+// A thin flap turns over within a step: published facing down, it is now free to lie facing up, each of its three
+// nodes on a spring k. A ball presses it by d at its centroid, whose compliance is 1/3k:
+//   force = 3 k d,   no overlap.
+// By its published normal the ball is on its inner side, and it is let through.
+TEST(Penetration, AFaceThatHasTurnedSinceItsProblemWasMadeIsHeld) {
+  constexpr double k = 30, r = 0.5e-3, d = 20e-6;
+  auto problem = std::make_unique<CondensedProblem>();
+  problem->step = 1;
+  problem->alarm_distance = 0.8e-3;
+  problem->nodes = 3;
+  const Vec3 corner[] = {{-1e-3, -1e-3, 0}, {1e-3, -1e-3, 0}, {0, 2e-3, 0}};
+  for (int n = 0; n < 3; ++n) {
+    problem->x_free[n] = corner[n];
+    problem->x_now[n] = Vec3(corner[n].x(), -corner[n].y(), 0);  // half a turn about x
+  }
+  problem->C() = MatX::Identity(9, 9) / k;
+  problem->samples = 1;
+  problem->sample[0] = {.id = 1,
+                        .node = {0, 1, 2},
+                        .weight = {1. / 3, 1. / 3, 1. / 3},
+                        .free = Vec3::Zero(),
+                        .outward = -Vec3::UnitZ(),
+                        .friction = 0};
+  ContactLoop loop;
+  for (int tick = 0; tick < 3; ++tick) {
+    const ContactSolution solution =
+        loop.solve(*problem, sphere_instrument(r), {Vec3(0, 0, r - d), Quat::Identity()});
+    EXPECT_NEAR(solution.wrench[0][2], 3 * k * d, 1e-9);
+    EXPECT_LT(solution.penetration, 1e-12);
+  }
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <utility>
 
 #include "tests/support/contact_problems.h"
 
@@ -120,7 +121,7 @@ TEST(Rows, WrenchDoesTheWorkOfTheContactForces) {
     Random random(3);
     std::vector<double> lambda(static_cast<std::size_t>(s.rows->rows()));
     for (double& l : lambda) l = normal(random);
-    const Vec6 wrench = wrench_on_instrument(*s.rows, lambda);
+    const Vec6 wrench = wrench_on_instruments(*s.rows, lambda)[0];
     const Eigen::Map<const VecX> l(lambda.data(), s.rows->rows());
     const VecX expected = dense_J(*s.rows).transpose() * l;
     EXPECT_LT((wrench - expected).norm(), 1e-13 * expected.norm());
@@ -128,7 +129,7 @@ TEST(Rows, WrenchDoesTheWorkOfTheContactForces) {
   // By hand: a sphere above the sheet is pushed up.
   const Scene s = pressed(4, 0.0);
   std::vector<double> lambda(static_cast<std::size_t>(s.rows->rows()), 1.0);
-  EXPECT_GT(wrench_on_instrument(*s.rows, lambda)[2], 0);
+  EXPECT_GT(wrench_on_instruments(*s.rows, lambda)[0][2], 0);
 }
 
 // δ_free is the true gap of moved tissue and moved instrument, to first order: the error falls fourfold.
@@ -198,7 +199,11 @@ TEST(Rows, OnlySamplesFacingTheInstrumentWithinTheMargin) {
   for (int i = 0; i < s.rows->contacts; ++i) EXPECT_LT(s.rows->row[i].gap, 0.5e-3);
   for (int i = 1; i < s.rows->contacts; ++i) EXPECT_LT(s.rows->row[i - 1].id, s.rows->row[i].id);
   EXPECT_EQ(s.rows->dropped, 0);
-  for (int k = 0; k < s.problem->samples; ++k) s.problem->sample[k].outward = -Vec3::UnitZ();  // from inside
+  for (int k = 0; k < s.problem->samples; ++k) {  // wound the other way round: from inside
+    PatchSample& sample = s.problem->sample[k];
+    std::swap(sample.node[0], sample.node[1]);
+    std::swap(sample.weight[0], sample.weight[1]);
+  }
   build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, no_coupling, s.memory, 0.5e-3, *s.rows);
   EXPECT_EQ(s.rows->contacts, 0);
 }

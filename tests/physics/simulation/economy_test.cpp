@@ -27,7 +27,7 @@ WorldSettings settings(const Vec3& gravity = Vec3::Zero()) {
   WorldSettings s;
   s.alarm_distance = 3e-3;
   s.sample_spacing = 1e-3;
-  s.coupling = {400, 0.04, 0};
+  s.coupling[0] = {400, 0.04, 0};
   s.gravity = gravity;
   return s;
 }
@@ -54,8 +54,8 @@ TEST(Economy, AStaticBodyIsWhereADynamicOneComesToRest) {
     for (const double g : {0.0, -9.81}) {
       World dynamic = pad_world(corotational, true, {0, 0, g}),
             still = pad_world(corotational, false, {0, 0, g});
-      const Vec3 f = hold(dynamic, 1e-3, 100, *problem).contact.wrench.head<3>();
-      const Vec3 s = hold(still, 1e-3, 20, *problem).contact.wrench.head<3>();
+      const Vec3 f = hold(dynamic, 1e-3, 100, *problem).contact.wrench[0].head<3>();
+      const Vec3 s = hold(still, 1e-3, 20, *problem).contact.wrench[0].head<3>();
       EXPECT_GT(f.norm(), 1e-3);
       EXPECT_LT((f - s).norm(), 1e-4 * f.norm()) << corotational << g;
     }
@@ -111,8 +111,8 @@ TEST(Economy, ALinearBodysForceDoesNotDependOnWhenItWasFactored) {
   StepReport a, b;
   for (int i = 0; i < 30; ++i) a = walked.step([&] { return beside(15e-3); }, *problem);
   for (int i = 0; i < 30; ++i) b = fresh.step([&] { return beside(15e-3); }, *problem);
-  EXPECT_GT(a.contact.wrench.norm(), 1e-3);
-  EXPECT_LT((a.contact.wrench - b.contact.wrench).norm(), 1e-6 * a.contact.wrench.norm());
+  EXPECT_GT(a.contact.wrench[0].norm(), 1e-3);
+  EXPECT_LT((a.contact.wrench[0] - b.contact.wrench[0]).norm(), 1e-6 * a.contact.wrench[0].norm());
 }
 
 double cpu_us() {

@@ -106,12 +106,12 @@ TEST(Friction, ADraggedPadResistsWithMuTimesItsWeight) {
     EXPECT_LT(r.body_contact.residual, 1e-6);
     if (i < 100) continue;
     const Vec3 floor = world.contacts().force_on(0);
-    EXPECT_NEAR(floor.z(), weight + r.contact.wrench.z(), 1e-5 * weight);
+    EXPECT_NEAR(floor.z(), weight + r.contact.wrench[0].z(), 1e-5 * weight);
     EXPECT_NEAR(floor.head<2>().norm(), mu * floor.z(), 1e-5 * weight);
-    EXPECT_NEAR(r.contact.wrench.head<2>().norm(), mu * floor.z(), 1e-4 * weight);
+    EXPECT_NEAR(r.contact.wrench[0].head<2>().norm(), mu * floor.z(), 1e-4 * weight);
     EXPECT_NEAR(velocity_of(world.bodies()[0]).x(), speed, 0.01 * speed);
   }
-  std::printf("  felt %.5f mN, mu N = %.5f mN, mu m g = %.5f mN\n", 1e3 * r.contact.wrench.head<2>().norm(),
+  std::printf("  felt %.5f mN, mu N = %.5f mN, mu m g = %.5f mN\n", 1e3 * r.contact.wrench[0].head<2>().norm(),
               1e3 * mu * world.contacts().force_on(0).z(), 1e3 * mu * weight);
 }
 
@@ -146,7 +146,7 @@ TEST(Friction, AWedgeLocksBelowTheFrictionAngleAndLetsGoAbove) {
       const double walls = world.contacts().force_on(1).norm();
       if (walls > pressed) {
         pressed = walls;
-        applied = std::abs(r.contact.wrench.z());
+        applied = std::abs(r.contact.wrench[0].z());
       }
     }
     const double left = world.contacts().force_on(1).norm(), right = world.contacts().force_on(2).norm();

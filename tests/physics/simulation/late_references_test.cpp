@@ -28,8 +28,8 @@ std::unique_ptr<World> two_blocks(const Case& c) {
   s.h = h;
   s.alarm_distance = wakeup_timer;
   s.sample_spacing = 1e-3;
-  s.coupling = {100, 0.05, 0};
-  s.removal = {40, 5e-4, 1e-3, 50};
+  s.coupling[0] = {100, 0.05, 0};
+  s.removal[0] = {40, 5e-4, 1e-3, 50};
   s.compliance = c.method;
   s.compliance_options.sample_every = 5;
   s.compliance_options.synchronous_reference = false;
@@ -135,7 +135,7 @@ TEST_P(LateReferences, StopNothingWhateverElseHappens) {
         const StepReport report =
             world->step([&] { return tip; }, *first, [&]() -> CondensedProblem& { return *second; });
         if (chance(0.5)) world->refresh(tip, *first);
-        ASSERT_TRUE(report.contact.wrench.allFinite());
+        ASSERT_TRUE(report.contact.wrench[0].allFinite());
         adopted += report.references_adopted;
         interim += report.interim;
         for (ReferenceJob& job : world->wanted_references()) {

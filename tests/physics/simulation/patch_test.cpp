@@ -1,5 +1,7 @@
 #include "physics/simulation/patch.h"
 
+#include <algorithm>
+#include <numbers>
 #include <random>
 #include <set>
 
@@ -166,6 +168,52 @@ TEST(Patch, WhatTheTipHeldDownHasAPlaceWhereNotAllNodesHaveOne) {
   std::size_t found = 0;
   for (const PatchNode& n : gatherer.nodes()) found += held.contains(n.node);
   EXPECT_EQ(found, held.size());
+}
+
+// A rod that lies on a fine floor would fill the patch by itself; beside it the other's tip has all that it reaches.
+TEST(Patch, BothInstrumentsHaveTheirFacesWhereOneAloneWouldFillIt) {
+  Bodies bodies;
+  bodies.emplace_back(BodySettings{"floor", true, box_mesh(Vec3(16e-3, 8e-3, 1e-3), 64, 32, 1), {3000, 0.45, 1000, 0, 0},
+                                   {}, 0, true},
+                      0.02, Vec3::Zero());
+  const Body& body = bodies.back();
+  Primitive rod;
+  rod.shape = Shape::capsule;
+  rod.radius = 0.6e-3;
+  rod.half_length = 4e-3;
+  rod.placement.q = Quat(Eigen::AngleAxisd(std::numbers::pi / 2, Vec3::UnitY()));
+  Primitive tip;
+  tip.shape = Shape::sphere;
+  tip.radius = 0.3e-3;
+  std::vector<Instrument> instruments(2);
+  instruments[0].primitives = {rod};
+  instruments[1].primitives = {tip};
+  InstrumentPoses X(Pose{Vec3(6e-3, 4e-3, 1.3e-3), Quat::Identity()});
+  X[1] = {Vec3(14e-3, 4e-3, 1.2e-3), Quat::Identity()};
+  constexpr double alarm = 0.5e-3;
+  const auto gathered = [&](bool first, bool second) {
+    X.present[0] = first;
+    X.present[1] = second;
+    Collision collision(instruments, alarm);
+    collision.add_body(body.surface.faces(), body.state.x);
+    std::vector<NearFace> near;
+    collision.near_faces(X, near);
+    PatchGatherer gatherer(2e-4);
+    auto problem = std::make_unique<CondensedProblem>();
+    gatherer.gather(bodies, instruments, X, alarm, near, *problem);
+    return problem;
+  };
+  const auto has = [](const CondensedProblem& problem, std::uint64_t id) {
+    return std::any_of(problem.sample.begin(), problem.sample.begin() + problem.samples,
+                       [&](const PatchSample& s) { return s.id == id; });
+  };
+  const auto rod_alone = gathered(true, false), tip_alone = gathered(false, true), both = gathered(true, true);
+  EXPECT_GT(rod_alone->dropped_samples, 0);
+  EXPECT_EQ(tip_alone->dropped_samples, 0);
+  ASSERT_GT(tip_alone->samples, 20);
+  for (const CondensedProblem* one : {rod_alone.get(), tip_alone.get()})
+    for (int k = 0; k < one->samples; ++k) EXPECT_TRUE(has(*both, one->sample[k].id));
+  EXPECT_EQ(both->samples, rod_alone->samples + tip_alone->samples);
 }
 
 }  // namespace

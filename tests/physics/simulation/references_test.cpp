@@ -19,8 +19,8 @@ WorldSettings settings(ComplianceMethod method) {
   s.h = h;
   s.alarm_distance = 2.5e-3;
   s.sample_spacing = 7e-4;
-  s.coupling = {500, 0.05, 0};
-  s.removal = {10, 5e-4, 1e-3, 50};
+  s.coupling[0] = {500, 0.05, 0};
+  s.removal[0] = {10, 5e-4, 1e-3, 50};
   s.compliance = method;
   s.compliance_options.sample_every = 25;
   s.compliance_options.synchronous_reference = false;
@@ -87,7 +87,7 @@ Outcome run(ComplianceMethod method, int delay, bool phaco, int steps = 80) {
   std::vector<int> swaps;
   for (int step = 0; step < steps; ++step) {
     const StepReport report = world->step([&] { return stroke(step, phaco); }, *problem);
-    result.force.push_back(report.contact.wrench.head<3>().norm());
+    result.force.push_back(report.contact.wrench[0].head<3>().norm());
     result.adopted += report.references_adopted;
     result.removed += report.removed;
     result.uncovered_steps += report.uncovered_nodes > 0;

@@ -28,8 +28,8 @@ WorldSettings settings(double h) {
   s.h = h;
   s.alarm_distance = 3e-3;
   s.sample_spacing = 1e-3;
-  s.coupling = {500, 0.05, 0};
-  s.removal = {50, 5e-4, 1e-3, 50};
+  s.coupling[0] = {500, 0.05, 0};
+  s.removal[0] = {50, 5e-4, 1e-3, 50};
   return s;
 }
 
@@ -42,7 +42,7 @@ double settled_force(World& world, const InstrumentSample& sample, double second
   StepReport report;
   for (int i = 0; i < static_cast<int>(seconds / h); ++i)
     report = world.step([&] { return sample; }, problem);
-  return report.contact.wrench.z();
+  return report.contact.wrench[0].z();
 }
 
 // The theorem that the best-known framework breaks: newtons do not depend on the time step.
@@ -70,8 +70,8 @@ TEST(World, HapticSolveOfThePublishedProblemGivesTheSimulationsForce) {
   options.margin = 1.5e-3;
   ContactSolution solution;
   for (int tick = 0; tick < 50; ++tick)
-    solution = solve_contact(*problem, world.instrument(), sample.pose, 1e-3, options, state, *scratch);
-  EXPECT_NEAR(solution.wrench.z(), force, 1e-6 * force);
+    solution = solve_contact(*problem, world.instruments(), sample.pose, 1e-3, options, state, *scratch);
+  EXPECT_NEAR(solution.wrench[0].z(), force, 1e-6 * force);
 }
 
 TEST(World, RigidPlateAnswersWithTheCouplingAlone) {
@@ -85,10 +85,10 @@ TEST(World, RigidPlateAnswersWithTheCouplingAlone) {
   const InstrumentSample sample = at(0.01, 0.01, 0.002 + 3e-3 - 2e-4);
   const double force = settled_force(world, sample, 0.2, 0.02, *problem);
   for (int i = 0; i < problem->samples; ++i)
-    deepest = std::max(deepest, -gap_at(world.instrument(), sample.pose, problem->sample[i].free).distance);
+    deepest = std::max(deepest, -gap_at(world.instruments()[0], sample.pose, problem->sample[i].free).distance);
   ASSERT_GT(deepest, 0);
-  EXPECT_LE(force, s.coupling.stiffness * 2e-4 * (1 + 1e-6));
-  EXPECT_GE(force, s.coupling.stiffness * deepest * (1 - 0.05));
+  EXPECT_LE(force, s.coupling[0].stiffness * 2e-4 * (1 + 1e-6));
+  EXPECT_GE(force, s.coupling[0].stiffness * deepest * (1 - 0.05));
 }
 
 TEST(World, AnUntouchedBodySleepsAndWakes) {
@@ -144,7 +144,7 @@ TEST(World, ATipSeenSeldomIsNotTakenForAFastOne) {
   // Comes down to 0.1 mm above the block; within the stroke's reach.
   const auto alive = [](double from, double time) {
     WorldSettings s = settings(0.02);
-    s.removal.rate = 1e5;
+    s.removal[0].rate = 1e5;
     World world({soft_block(8)}, sphere_tip(2e-3), s);
     auto problem = std::make_unique<CondensedProblem>();
     InstrumentSample sample = at(0.01, 0.01, from);
@@ -164,13 +164,13 @@ TEST(World, ATipSeenSeldomIsNotTakenForAFastOne) {
 
 TEST(World, SurvivesRemovalDownToNothing) {
   WorldSettings s = settings(0.02);
-  s.removal.rate = 1e5;
+  s.removal[0].rate = 1e5;
   World world({soft_block(4)}, sphere_tip(5e-3), s);
   auto problem = std::make_unique<CondensedProblem>();
   for (int i = 0; i < 200; ++i) {
     const double x = 0.02 * ((i * 37) % 100) / 100, y = 0.02 * ((i * 61) % 100) / 100, z = 0.024 - 1.2e-4 * i;
     const StepReport r = world.step([&] { return at(x, y, z, true); }, *problem);
-    EXPECT_TRUE(r.contact.wrench.allFinite());
+    EXPECT_TRUE(r.contact.wrench[0].allFinite());
     for (const Vec3& p : world.bodies()[0].state.x) ASSERT_TRUE(p.allFinite());
   }
   EXPECT_GT(world.removed(), world.bodies()[0].model.tet_count() / 2);

@@ -22,15 +22,18 @@ struct Answer {
   std::string text;
 };
 
-Answer check(const fs::path& scene, const std::string& more = "") {
-  FILE* pipe =
-      popen((BIN_DIR "/hapticd " + scene.string() + " --check" + more + " </dev/null 2>&1").c_str(), "r");
+Answer hapticd_with(const fs::path& scene, const std::string& options) {
+  FILE* pipe = popen((BIN_DIR "/hapticd " + scene.string() + options + " </dev/null 2>&1").c_str(), "r");
   Answer answer{-1, ""};
   char part[4096];
   for (std::size_t n; (n = fread(part, 1, sizeof part, pipe)) > 0;) answer.text.append(part, n);
   const int status = pclose(pipe);
   answer.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   return answer;
+}
+
+Answer check(const fs::path& scene, const std::string& more = "") {
+  return hapticd_with(scene, " --check" + more);
 }
 
 std::string text_of(const fs::path& file) {
@@ -90,6 +93,21 @@ TEST_F(CheckCommand, PrintsThePlan) {
   for (const auto& line : json["plan"])
     for (const char* key : {"term", "choice", "reason", "cost_ms", "error_estimate"})
       EXPECT_TRUE(line.contains(key)) << key;
+}
+
+TEST_F(CheckCommand, SeveralInstrumentsAreCheckedAndServed) {
+  std::string text = text_of(scene());
+  text = text.substr(0, text.find("instrument:")) + "instruments:\n";
+  for (const char* id : {"0", "1"})
+    text += std::string("  - {name: hand") + id + ", id: " + id + ", device: touch, tip: t, " +
+            "primitives: [{name: t, shape: sphere, radius: 3.0e-3}], " +
+            "coupling: {stiffness: 400, rotational_stiffness: 0.04, damping_time: 2.0e-3}, " +
+            "mapping: {position_scale: 1, force_scale: 1}}\n";
+  std::ofstream(scene()) << text;
+  const Answer checked = check(scene()), served = hapticd_with(scene(), " --duration 0.1 --domain 91");
+  EXPECT_EQ(checked.code, 0) << checked.text;
+  EXPECT_NE(checked.text.find("hand1: 1 primitives"), std::string::npos) << checked.text;
+  EXPECT_EQ(served.code, 0) << served.text;
 }
 
 TEST_F(CheckCommand, UnknownKey) {

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include <gtest/gtest.h>
@@ -43,7 +44,7 @@ TEST_F(ReloadedScene, UnchangedNothingIsTaken) {
   const Reload r = reloader().read();
   EXPECT_TRUE(r.taken.empty() && r.clamped.empty() && r.not_taken.empty());
   ASSERT_EQ(r.tunings.size(), 1u);
-  EXPECT_EQ(r.tunings[0], tuning_of(read_scene(scene).device));
+  EXPECT_EQ(r.tunings[0], tuning_of(read_scene(scene).first().device));
 }
 
 TEST_F(ReloadedScene, LimitsScalesAndLoggingAreTakenTheRestIsNamed) {
@@ -77,7 +78,7 @@ TEST_F(ReloadedScene, NothingGoesBeyondWhatTheDeviceStartedWith) {
   EXPECT_EQ(r.clamped, (Lines{"device 0: max_force 30 is beyond what the device started with: 3.3",
                               "device 0: force_scale 4 is beyond what the device displays stably: 1"}));
   EXPECT_EQ(r.tunings[0],
-            tuning_of(read_scene(fs::path(SOURCE_DIR) / "config/scenes/cube/cube.yaml").device));
+            tuning_of(read_scene(fs::path(SOURCE_DIR) / "config/scenes/cube/cube.yaml").first().device));
 }
 
 TEST_F(ReloadedScene, AnotherDeviceIsNotTakenNorItsLimits) {
@@ -107,6 +108,63 @@ TEST_F(ReloadedScene, AFaultIsNamedByFileLineAndKey) {
     EXPECT_EQ(e.key(), "mapping.force_scale");
     EXPECT_GT(e.line(), 0);
   }
+}
+
+// The same cube under two hands: the first with the folder's own device file, the second with the shipped
+// one.
+struct ReloadedHands : ReloadedScene {
+  ReloadedHands() { write("left", "right"); }
+
+  static std::string entry(const std::string& name) {
+    const bool left = name == "left";
+    return "  - {name: " + name + ", tip: t, primitives: [{name: t, shape: sphere, radius: 3.0e-3}], " +
+           "coupling: {stiffness: 400, rotational_stiffness: 0.04, damping_time: 2.0e-3}, device: " +
+           (left ? "touch.yaml, id: 3" : "touch, id: 5") +
+           ", mapping: {position_scale: 1, force_scale: " + (left ? "1" : "0.75") + "}}\n";
+  }
+  void write(const std::string& first, const std::string& second) const {
+    std::string text = read_bytes(fs::path(SOURCE_DIR) / "config/scenes/cube/cube.yaml");
+    text.resize(text.find("instrument:"));
+    std::ofstream(scene) << text << "instruments:\n" << entry(first) << entry(second);
+  }
+};
+
+TEST_F(ReloadedHands, EachDeviceIsTunedByItsId) {
+  Reloader reloader = this->reloader();
+  EXPECT_TRUE(reloader.read().taken.empty());
+  change(device, "max_force: 3.3", "max_force: 2");
+  change(scene, "force_scale: 0.75", "force_scale: 0.5");
+  const Reload r = reloader.read();
+  EXPECT_EQ(r.taken, (Lines{"device 3: max_force 3.3 → 2", "device 5: force_scale 0.75 → 0.5"}));
+  EXPECT_TRUE(r.clamped.empty() && r.not_taken.empty());
+  ASSERT_EQ(r.tunings.size(), 2u);
+  EXPECT_EQ(r.tunings[0].max_force, 2);
+  EXPECT_EQ(r.tunings[0].force_scale, 1);
+  EXPECT_EQ(r.tunings[1].max_force, 3.3);
+  EXPECT_EQ(r.tunings[1].force_scale, 0.5);
+}
+
+TEST_F(ReloadedHands, ADeviceIsFoundWhereverItsInstrumentStands) {
+  Reloader reloader = this->reloader();
+  write("right", "left");
+  change(device, "max_force: 3.3", "max_force: 2");
+  change(scene, "force_scale: 0.75", "force_scale: 0.5");
+  const Reload r = reloader.read();
+  EXPECT_EQ(r.taken, (Lines{"device 3: max_force 3.3 → 2", "device 5: force_scale 0.75 → 0.5"}));
+  EXPECT_EQ(r.tunings[0].max_force, 2);  // still the first device of the start
+  EXPECT_EQ(r.tunings[1].force_scale, 0.5);
+  EXPECT_NE(std::find(r.not_taken.begin(), r.not_taken.end(), "instruments[0].name (restart for it)"),
+            r.not_taken.end());
+}
+
+TEST_F(ReloadedHands, ADeviceThatIsGoneStaysAsItIs) {
+  Reloader reloader = this->reloader();
+  change(scene, "id: 5", "id: 6");
+  change(scene, "force_scale: 0.75", "force_scale: 0.5");
+  const Reload r = reloader.read();
+  EXPECT_TRUE(r.taken.empty());
+  EXPECT_EQ(r.not_taken, (Lines{"instruments[1].id (restart for it)"}));
+  EXPECT_EQ(r.tunings[1].force_scale, 0.75);
 }
 
 }  // namespace

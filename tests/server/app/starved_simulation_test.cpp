@@ -22,7 +22,7 @@ struct Starved {
 // reference_delay: steps until a reference factor that was asked for is there. Throws what World::step
 // throws.
 Starved stroke(const Scene& scene, double least, double most, int reference_delay, unsigned seed) {
-  const Trajectory motion = read_trajectory(*scene.trajectory, LengthUnit::metre);
+  const Trajectory motion = read_trajectory(*scene.first().trajectory, LengthUnit::metre);
   const auto world = make_world(scene);
   const auto problem = std::make_unique<CondensedProblem>(), second = std::make_unique<CondensedProblem>();
   std::deque<std::pair<int, ReferenceJob>> references;
@@ -35,7 +35,7 @@ Starved stroke(const Scene& scene, double least, double most, int reference_dela
     const auto latest = [&] {
       const std::uint32_t pedals = buttons_at(motion, now);
       InstrumentSample sample;
-      sample.pose = to_scene(scene.device, sample_at(motion, now));
+      sample.pose = to_scene(scene.first().device, sample_at(motion, now));
       sample.present = true;
       sample.phaco = (pedals & pedal_phaco) != 0;
       sample.aspiration = (pedals & pedal_aspiration) != 0;

@@ -88,7 +88,7 @@ TEST_F(Forces, AClientKeepsToTheDaemonHeardFirstAndCountsTheOther) {
 }
 
 TEST_F(Forces, ADaemonHearsAnotherWriterOfItsDeviceAndNotItself) {
-  DdsDevicePort port(own, device_id), device_session(own, device_id + 1);
+  DdsDevicePort port(own, device_id), world_session(own, device_id + 1);
   Source other(domain, 1, device_id + 1), rival(domain, 0);
   meet(other, 2);
   meet(rival, 2);
@@ -101,7 +101,7 @@ TEST_F(Forces, ADaemonHearsAnotherWriterOfItsDeviceAndNotItself) {
   // Matched writers that write nothing for this device are nobody: one that was killed lingers so.
   for (int i = 0; i < 20; ++i) {
     port.write({});
-    device_session.write({});
+    world_session.write({});
     other.send();
     pause(1);
   }
@@ -113,7 +113,7 @@ TEST_F(Forces, ADaemonHearsAnotherWriterOfItsDeviceAndNotItself) {
   ASSERT_TRUE(within_two_seconds([&] { return presence().rival; }));
   EXPECT_LT(monotonic_ns() - sent, 100 * ms);
   EXPECT_EQ(port.foreign_forces(), 1u);
-  EXPECT_EQ(device_session.foreign_forces(), 20u);
+  EXPECT_EQ(world_session.foreign_forces(), 20u);
   now += 510 * ms;
   EXPECT_FALSE(presence().rival);
   EXPECT_TRUE(presence().settled);

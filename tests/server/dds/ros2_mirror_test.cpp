@@ -276,7 +276,7 @@ TEST(Ros2Mirror, MeanTwistLeadsFromOnePoseToTheOther) {
 TEST_F(Ros2Mirrored, OnlyASceneThatAsksForItIsMirrored) {
   LoopStatistics statistics;
   Scene scene;
-  scene.device.id = device_id;
+  scene.first().device.id = device_id;
   for (const bool asked : {false, true}) {
     scene.ros2 = asked;
     Channel<SceneSnapshot> snapshots;

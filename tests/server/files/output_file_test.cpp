@@ -87,6 +87,20 @@ TEST_F(OutputFile, ScenesMeshesAndRecordingsNeedANewName) {
   EXPECT_THROW(OutputRule(true).require_figures("--x", "/dev/null"), InputError);
 }
 
+TEST_F(OutputFile, EachOfSeveralHasAFileOfItsOwn) {
+  const auto files = [](const fs::path& file, const std::vector<std::string>& names) {
+    std::vector<std::string> out;
+    for (const fs::path& f : one_file_each(file, names)) out.push_back(f.string());
+    return out;
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(files("out/run.csv", {"phaco"}), (Names{"out/run.csv"}));
+  EXPECT_EQ(files("out/run.csv", {"phaco", "chopper"}), (Names{"out/run.csv", "out/run.chopper.csv"}));
+  EXPECT_EQ(files("bag/", {"a", "b"}), (Names{"bag/", "bag.b"}));
+  // No name leads out of the folder, and no two are one.
+  EXPECT_EQ(files("run", {"a", "../b", "b", "___b"}), (Names{"run", "run.___b", "run.b", "run.___b_3"}));
+}
+
 TEST_F(OutputFile, AFolderOfFiguresIsOursOrHasNoFileOfThoseNames) {
   const auto folder = [&] {
     return fault(

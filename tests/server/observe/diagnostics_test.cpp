@@ -5,6 +5,7 @@
 #include <chrono>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include <gtest/gtest.h>
@@ -23,7 +24,7 @@ bool within_two_seconds(const std::function<bool()>& done) {
 Scene tetrahedron() {
   Scene scene;
   scene.name = "one tetrahedron";
-  scene.device.id = 3;
+  scene.first().device.id = 3;
   SceneBody body;
   body.name = "tissue";
   body.mesh.nodes = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -134,6 +135,70 @@ TEST(Diagnostics, LateReaderGetsTheSceneAndTheRecordingHasEveryTick) {
   EXPECT_EQ(lines, 10);
   EXPECT_TRUE(last.starts_with("0.009000,10,"));
   std::filesystem::remove(file);
+}
+
+// Two instruments: a late reader knows whose device moves which, and which of them presses what.
+TEST(Diagnostics, ALateReaderKnowsTheInstrumentsTheirDevicesAndWhoPresses) {
+  const Domain domain((static_cast<std::uint32_t>(getpid()) + 100) % 200, read_dds_profile("loopback"));
+  const Participant daemon(domain);
+  Scene scene = tetrahedron();
+  scene.instruments.resize(2);
+  scene.instruments[0].name = "left";
+  scene.instruments[1].name = "right";
+  scene.instruments[1].device.id = 5;
+  scene.instruments[1].device.max_force = 7;
+  scene.instruments[1].device_name = "touch";
+  LoopStatistics statistics;
+  Channel<SceneSnapshot> snapshots, of_right;
+  SpscQueue<ForceRecord> history(64), history_of_right(64);
+  Diagnostics left(daemon, scene, statistics, snapshots, history, std::nullopt, DiagnosticsScope{3, true});
+  Diagnostics right(daemon, scene, statistics, of_right, history_of_right, std::nullopt,
+                    DiagnosticsScope{5, false});
+  left.start();
+  right.start();
+  SceneSnapshot& snapshot = snapshots.back();
+  snapshot.step = 5;
+  snapshot.bodies = {{{0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}, {1}}};
+  snapshot.instruments.resize(2);
+  snapshot.contacts.resize(14);
+  snapshot.pressing = {0, 255, 1, 0};
+  snapshots.publish();
+
+  const Participant client(domain);
+  Reader<hapticd_msg_SceneInstrument> instruments(client);
+  Reader<hapticd_msg_SceneUpdate> updates(client);
+  Reader<hapticd_msg_ServerHealth> health(client);
+  std::map<std::uint32_t, std::string> devices;
+  EXPECT_TRUE(within_two_seconds([&] {
+    instruments.take_each([&](const hapticd_msg_SceneInstrument& m, const dds_sample_info_t&) {
+      EXPECT_EQ(m.instruments, 2u);
+      devices[m.device_id] = m.name;
+    });
+    return devices.size() == 2;
+  }));
+  EXPECT_EQ(devices[3], "left");
+  EXPECT_EQ(devices[5], "right");
+  std::vector<int> pressing;
+  EXPECT_TRUE(within_two_seconds([&] {
+    updates.take_each([&](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) {
+      EXPECT_EQ(m.instruments._length, 14u);
+      pressing.assign(m.pressing._buffer, m.pressing._buffer + m.pressing._length);
+    });
+    return !pressing.empty();
+  }));
+  EXPECT_EQ(pressing, (std::vector<int>{0, 255, 1, 0}));
+  // Each device's health is its own, with its own limits.
+  std::map<std::uint32_t, float> limits;
+  EXPECT_TRUE(within_two_seconds([&] {
+    health.take_each([&](const hapticd_msg_ServerHealth& m, const dds_sample_info_t&) {
+      limits[m.device_id] = m.max_force;
+      if (m.device_id == 5) {
+        EXPECT_STREQ(m.device, "touch");
+      }
+    });
+    return limits.size() == 2;
+  }));
+  EXPECT_EQ(limits[5], 7);
 }
 
 TEST(Diagnostics, RecordingThatCannotBeWrittenIsNamed) {

@@ -53,7 +53,8 @@ TEST(Metrics, IsInTheTextFormat) {
   std::istringstream text(
       prometheus_text({.version = "1\"x\\", .resident_bytes = 1e8, .uptime_s = 3, .grants_refused = 1},
                       {device(0), device(7)}));
-  const std::regex sample(R"re(([a-z_]+)(\{[a-z]+="(\\.|[^"\\])*"(,le="[^"]+")?\})? (-?[0-9.e+-]+|\+Inf))re");
+  const std::regex sample(
+      R"re(([a-z_]+)(\{[a-z]+="(\\.|[^"\\])*"(,[a-z]+="[^"]*")*\})? (-?[0-9.e+-]+|\+Inf))re");
   std::set<std::string> types;
   std::string current;
   int samples = 0;
@@ -75,6 +76,20 @@ TEST(Metrics, IsInTheTextFormat) {
         "hapticd_elements_removed_total", "hapticd_haptic_step_seconds", "hapticd_simulation_step_seconds",
         "hapticd_armed", "hapticd_second_daemon", "hapticd_foreign_forces_total"})
     EXPECT_TRUE(types.contains(name)) << name;
+}
+
+TEST(Metrics, DevicesOfOneWorldAreTold) {
+  MetricsSource left = device(3), right = device(5), other = device(7);
+  left.instrument = "left \"hand\"";
+  right.instrument = "right";
+  other.world = 1;
+  const std::string text = prometheus_text({}, {left, right, other});
+  for (const char* line :
+       {"hapticd_device_info{device=\"3\",instrument=\"left \\\"hand\\\"\",world=\"0\"} 1\n",
+        "hapticd_device_info{device=\"5\",instrument=\"right\",world=\"0\"} 1\n",
+        "hapticd_device_info{device=\"7\",instrument=\"\",world=\"1\"} 1\n",
+        "hapticd_haptic_ticks_total{device=\"5\"} 1000\n"})
+    EXPECT_NE(text.find(line), std::string::npos) << line;
 }
 
 std::string ask(std::uint16_t port, const std::string& request) {

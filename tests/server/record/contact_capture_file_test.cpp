@@ -29,13 +29,13 @@ class CaptureFile : public testing::Test {
     SheetSettings sheet;
     sheet.friction = 0.4;
     auto captured = std::make_unique<CapturedProblem>();
-    captured->instrument = sphere_instrument(3e-3);
-    captured->instrument.primitives.push_back(make_convex(
+    captured->instruments = {sphere_instrument(3e-3)};
+    captured->instruments[0].primitives.push_back(make_convex(
         "wedge", {Vec3(0, 0, 9e-3), Vec3(1e-3, 0, 9e-3), Vec3(0, 1e-3, 9e-3), Vec3(0, 0, 10e-3)}, {}));
     ContactCapture& c = captured->capture;
     copy_in_use(*sheet_problem(random, sheet), c.problem);
     c.problem.renewal = renewal;
-    c.problem.X_ref = {Vec3(0, 0, 2.8e-3), Quat::Identity()};
+    c.problem.instrument[0].X_ref = {Vec3(0, 0, 2.8e-3), Quat::Identity()};
     c.period = 1e-3;
     c.linearisations = 2;
     c.margin = 0.2e-3;
@@ -45,12 +45,12 @@ class CaptureFile : public testing::Test {
     const ContactSolution out = solve(*captured, after, 20);
     c.status = out.status;
     c.residual = out.residual;
-    c.wrench = out.wrench;
+    c.wrench = out.wrench[0];
     return captured;
   }
 
   ContactSolution solve(CapturedProblem& p, ContactState& state, int tick) {
-    p.capture.X = {Vec3(1e-5 * tick, 0, 2.8e-3 - 2e-6 * tick), Quat::Identity()};
+    p.capture.X = Pose{Vec3(1e-5 * tick, 0, 2.8e-3 - 2e-6 * tick), Quat::Identity()};
     return again(p, state);
   }
 
@@ -60,7 +60,7 @@ class CaptureFile : public testing::Test {
     options.margin = p.capture.margin;
     options.coulomb.tolerance = p.capture.tolerance;
     state.frozen_step = 0;
-    return solve_contact(p.capture.problem, p.instrument, p.capture.X, p.capture.period, options, state,
+    return solve_contact(p.capture.problem, p.instruments, p.capture.X, p.capture.period, options, state,
                          *scratch_);
   }
 
@@ -86,29 +86,42 @@ class CaptureFile : public testing::Test {
 TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
   for (const Renewal renewal : {Renewal::renewed, Renewal::frozen}) {
     const auto captured = pressed(renewal);
-    ASSERT_GT(captured->capture.wrench.norm(), 1e-4);
-    write_capture(file_, captured->instrument, captured->capture);
+    ASSERT_GT(captured->capture.wrench[0].norm(), 1e-4);
+    write_capture(file_, captured->instruments, captured->capture);
     const std::string first = bytes();
     const auto read = read_capture(file_);
     ContactState state = read->capture.state;
-    EXPECT_EQ(again(*read, state).wrench, captured->capture.wrench);
-    write_capture(file_, read->instrument, read->capture);
+    EXPECT_EQ(again(*read, state).wrench[0], captured->capture.wrench[0]);
+    write_capture(file_, read->instruments, read->capture);
     EXPECT_EQ(bytes(), first);
     EXPECT_LT(first.size(), 1'000'000u);
   }
 }
 
-// A file of version 1 is one of version 2 without the primitive (an i32) of each remembered contact.
+// A file of version 3 without the number of instruments, the friction between them, who is present, and of each
+// remembered contact primitive, instrument (an i32 each) and the other's anchor, is one of version 1.
 TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   const auto captured = pressed(Renewal::renewed);
   const ContactMemory& memory = captured->capture.state.memory;
   ASSERT_GT(memory.count, 3);
   for (int k = 0; k < memory.count; ++k) ASSERT_EQ(memory.entry[k].primitive, 0);
-  write_capture(file_, captured->instrument, captured->capture);
+  write_capture(file_, captured->instruments, captured->capture);
   std::string old = bytes();
-  constexpr std::size_t entry = 8 + 4 + 2 * 24 + 1, after = 48 + 56 + 8 + 8 + 4 + 8 + 1 + 8 + 48;
-  const std::size_t first = old.size() - after - static_cast<std::size_t>(memory.count) * entry;
-  for (int k = memory.count - 1; k >= 0; --k) old.erase(first + static_cast<std::size_t>(k) * entry + 8, 4);
+  constexpr std::size_t result = 8 + 8 + 4 + 8 + 1 + 8 + 48, entry = 8 + 4 + 4 + 3 * 24 + 1;
+  const std::size_t present = old.size() - result - 1;
+  old.erase(present, 1);
+  const std::size_t first = present - 56 - 48 - static_cast<std::size_t>(memory.count) * entry;
+  for (int k = memory.count - 1; k >= 0; --k) {
+    const std::size_t at = first + static_cast<std::size_t>(k) * entry;
+    old.erase(at + 16 + 2 * 24, 24);
+    old.erase(at + 8, 8);
+  }
+  constexpr std::size_t header = 16 + 4, settings = 8 + 8 + 56 + 1 + 1 + 8 + 24;
+  std::size_t shape = 4 + 4;
+  for (const Primitive& p : captured->instruments[0].primitives)
+    shape += 4 + 8 + 8 + 56 + 4 + 24 * p.vertices.size() + 4 + 32 * p.planes.size();
+  old.erase(header + shape + settings, 8);
+  old.erase(16, 4);
   old[8] = 1;
   std::ofstream(file_, std::ios::binary | std::ios::trunc) << old;
   const auto read = read_capture(file_);
@@ -117,7 +130,7 @@ TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
     EXPECT_EQ(read->capture.state.memory.entry[k].primitive, 0);
   }
   ContactState state = read->capture.state;
-  EXPECT_EQ(again(*read, state).wrench, captured->capture.wrench);
+  EXPECT_EQ(again(*read, state).wrench[0], captured->capture.wrench[0]);
 }
 
 // A sample remembered with two primitives comes back with both; one the instrument does not have is refused.
@@ -126,31 +139,34 @@ TEST_F(CaptureFile, PrimitivesOfContactsComeBack) {
   ContactMemory& memory = captured->capture.state.memory;
   memory.entry[memory.count] = memory.entry[memory.count - 1];
   memory.entry[memory.count++].primitive = 1;
-  write_capture(file_, captured->instrument, captured->capture);
+  write_capture(file_, captured->instruments, captured->capture);
   const auto read = read_capture(file_);
   ASSERT_EQ(read->capture.state.memory.count, memory.count);
   EXPECT_EQ(read->capture.state.memory.entry[memory.count - 1].primitive, 1);
   memory.entry[memory.count - 1].primitive = 2;
-  write_capture(file_, captured->instrument, captured->capture);
+  write_capture(file_, captured->instruments, captured->capture);
   EXPECT_THROW(read_capture(file_), InputError);
 }
 
 TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   const auto captured = pressed(Renewal::renewed);
-  write_capture(file_, captured->instrument, captured->capture);
+  write_capture(file_, captured->instruments, captured->capture);
   const std::string good = bytes();
   expect_refused("", "ends in the middle");
   expect_refused("something else altogether", "is not a captured contact problem");
   expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
   expect_refused(good + "x", "longer");
   std::string other = good;
-  other[8] = 3;
-  expect_refused(other, "version 3");
+  other[8] = 4;
+  expect_refused(other, "version 4");
   other = good;
   other[12] = 9;
   expect_refused(other, "byte order");
   other = good;
-  other[17] = 1;  // 256 primitives more
+  other[17] = 1;  // 256 instruments more
+  expect_refused(other, "instruments");
+  other = good;
+  other[21] = 1;  // 256 primitives more
   expect_refused(other, "primitives");
   EXPECT_THROW(read_capture(directory_ / "absent.contact"), InputError);
 }
@@ -158,7 +174,7 @@ TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
 // Whatever byte is changed: read or refused, never more.
 TEST_F(CaptureFile, AnyByteMayBeWrong) {
   const auto captured = pressed(Renewal::renewed);
-  write_capture(file_, captured->instrument, captured->capture);
+  write_capture(file_, captured->instruments, captured->capture);
   const std::string good = bytes();
   Random random(8);
   int refused = 0;

@@ -5,12 +5,10 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 
-#include "server/files/input_error.h"
-#include "server/files/paths.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_describe.h"
+#include "tests/server/scene/scene_file.h"
 
 namespace hapticd {
 namespace {
@@ -19,7 +17,7 @@ namespace fs = std::filesystem;
 
 const fs::path scenes = fs::path(SOURCE_DIR) / "config/scenes";
 
-// One key per line, so that lines are known: see `line_of`.
+// One key per line, so that lines are known.
 const std::string good_scene = R"(scene: test
 simulation:
   rate: 50
@@ -59,75 +57,30 @@ mapping:
 trajectory: move.csv
 )";
 
-class SceneFile : public testing::Test {
+class SceneReader : public SceneFile {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) /
-              (std::string("scene_") + testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-    fs::copy(fs::path(SOURCE_DIR) / "tests/data/tiny_41_ascii.msh", folder_);
-    write("move.csv", "t,px,py,pz\n0,0,0,2\n1,0,0,3\n");
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  void write(const std::string& name, const std::string& text) { std::ofstream(folder_ / name) << text; }
-
-  Scene read(const std::string& text, const std::string& device = "") {
-    write("scene.yaml", text);
-    return read_scene(folder_ / "scene.yaml", device);
-  }
-
-  static std::string with(std::string text, const std::string& old, const std::string& replacement) {
-    const std::size_t at = text.find(old);
-    EXPECT_NE(at, std::string::npos) << old;
-    return text.replace(at, old.size(), replacement);
-  }
-
-  // Replaces a piece of the good scene and expects the fault at the line where the replacement's last line is
-  // (or at `line`), with this key and these words.
   void expect_fault(const std::string& old, const std::string& replacement, const std::string& key,
                     const std::string& words, int line = 0) {
-    SCOPED_TRACE(replacement);
-    const std::string text = with(good_scene, old, replacement);
-    if (line == 0) {
-      const std::size_t end = good_scene.find(old) + replacement.size();
-      line = 1 + static_cast<int>(
-                     std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n'));
-    }
-    try {
-      read(text);
-      ADD_FAILURE() << "was accepted";
-    } catch (const InputError& e) {
-      EXPECT_EQ(e.file(), folder_ / "scene.yaml") << e.what();
-      EXPECT_EQ(e.line(), line) << e.what();
-      EXPECT_EQ(e.key(), key) << e.what();
-      EXPECT_NE(std::string(e.what()).find(words), std::string::npos) << e.what();
-      EXPECT_TRUE(std::string(e.what()).starts_with((folder_ / "scene.yaml").string() + ":" +
-                                                    std::to_string(line) + ": " + key + ": "))
-          << e.what();
-    }
+    expect_fault_in(good_scene, old, replacement, key, words, line);
   }
-
-  fs::path folder_;
 };
 
-TEST_F(SceneFile, GoodSceneIsRead) {
+TEST_F(SceneReader, GoodSceneIsRead) {
   const Scene scene = read(good_scene);
   ASSERT_EQ(scene.bodies.size(), 1u);
   EXPECT_EQ(scene.bodies[0].fixed_nodes, scene.bodies[0].mesh.group("bottom")->nodes);
   EXPECT_EQ(scene.bodies[0].material.young, 3000);
-  EXPECT_EQ(scene.instrument.primitives[1].half_length, 0.5);
-  EXPECT_EQ(scene.instrument.tip, 0);
-  EXPECT_EQ(scene.removal.rate, 20);
-  EXPECT_EQ(scene.device.max_force, 3.3);
-  EXPECT_EQ(scene.device_name, "Touch");
-  EXPECT_EQ(felt_stiffness(scene), 100);
-  EXPECT_EQ(read(good_scene, "falcon").device.max_force, 8);
+  EXPECT_EQ(scene.first().shape.primitives[1].half_length, 0.5);
+  EXPECT_EQ(scene.first().shape.tip, 0);
+  EXPECT_EQ(scene.first().removal.rate, 20);
+  EXPECT_EQ(scene.first().device.max_force, 3.3);
+  EXPECT_EQ(scene.first().device_name, "Touch");
+  EXPECT_EQ(felt_stiffness(scene.first()), 100);
+  EXPECT_EQ(read(good_scene, "falcon").first().device.max_force, 8);
 }
 
 // Of the seventeenth body on, haptic_options would leave it out without a word.
-TEST_F(SceneFile, ABodyWhoseViscosityWouldNotBeFeltIsRefused) {
+TEST_F(SceneReader, ABodyWhoseViscosityWouldNotBeFeltIsRefused) {
   const auto scene = [&](int others, const std::string& stiffness) {
     std::string bodies;
     for (int i = 0; i < others; ++i)
@@ -151,7 +104,7 @@ TEST_F(SceneFile, ABodyWhoseViscosityWouldNotBeFeltIsRefused) {
   }
 }
 
-TEST_F(SceneFile, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
+TEST_F(SceneReader, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
   const Scene plain = read(good_scene);
   EXPECT_FALSE(plain.plans);
   EXPECT_TRUE(plain.bodies[0].corotational && plain.bodies[0].dynamic && plain.bodies[0].simulated);
@@ -173,7 +126,7 @@ TEST_F(SceneFile, ModelsAreChosenOnlyWhereTheSceneSaysSo) {
   expect_fault("removable: true", "removable: true\n    elements: elastic", "bodies[0].elements", "linear");
 }
 
-TEST_F(SceneFile, LawAndCappedPoissonRatio) {
+TEST_F(SceneReader, LawAndCappedPoissonRatio) {
   EXPECT_EQ(read(good_scene).bodies[0].material.law, Law::corotational);
   const Scene scene =
       read(with(good_scene, "poisson: 0.45", "poisson: 0.49\n      poisson_cap: 0.45\n      law: guarded"));
@@ -184,7 +137,7 @@ TEST_F(SceneFile, LawAndCappedPoissonRatio) {
   expect_fault("poisson: 0.45", "poisson: 0.45\n      law: rubber", "bodies[0].material.law", "guarded");
 }
 
-TEST_F(SceneFile, UnknownKeys) {
+TEST_F(SceneReader, UnknownKeys) {
   expect_fault("  rate: 50", "  raet: 50", "simulation.raet", "did you mean 'rate'?");
   expect_fault("removable: true", "removeable: true", "bodies[0].removeable", "did you mean 'removable'?");
   expect_fault("young: 3000", "young: 3000\n      zebra: 1", "bodies[0].material.zebra", "known here: young");
@@ -193,7 +146,7 @@ TEST_F(SceneFile, UnknownKeys) {
   expect_fault("  rate: 50", "  rate: 50\n  rate: 60", "simulation.rate", "given twice");
 }
 
-TEST_F(SceneFile, ValuesOutOfRange) {
+TEST_F(SceneReader, ValuesOutOfRange) {
   expect_fault("young: 3000", "young: -3000", "bodies[0].material.young", "must be above 0");
   expect_fault("young: 3000", "young: 3 kPa", "bodies[0].material.young", "not a number");
   expect_fault("young: 3000", "young: .nan", "bodies[0].material.young", "finite");
@@ -212,7 +165,7 @@ TEST_F(SceneFile, ValuesOutOfRange) {
   expect_fault("shape: sphere", "shape: ball", "instrument.primitives[0].shape", "sphere, capsule");
 }
 
-TEST_F(SceneFile, MissingThings) {
+TEST_F(SceneReader, MissingThings) {
   expect_fault("mesh: tiny_41_ascii.msh", "mesh: none.msh", "bodies[0].mesh", "no such file");
   expect_fault("device: touch", "device: tuch", "device", "no such file");
   expect_fault("trajectory: move.csv", "trajectory: none.csv", "trajectory", "no such file");
@@ -226,7 +179,7 @@ TEST_F(SceneFile, MissingThings) {
 }
 
 // A second body, and a list of contacts in front of the instrument.
-TEST_F(SceneFile, ContactsBetweenBodies) {
+TEST_F(SceneReader, ContactsBetweenBodies) {
   const std::string two = with(good_scene, "instrument:\n",
                                "  - name: wall\n    kind: rigid\n    mesh: tiny_41_ascii.msh\n"
                                "contacts:\n  - between: [block, wall]\n    friction: 0.3\ninstrument:\n");
@@ -257,7 +210,7 @@ TEST_F(SceneFile, ContactsBetweenBodies) {
   refused("friction: 0.3\n", "friction: 0.3\n  - between: [block, wall]\n", "contacts[1].between", "already");
 }
 
-TEST_F(SceneFile, FaultsOfOtherFilesNameThose) {
+TEST_F(SceneReader, FaultsOfOtherFilesNameThose) {
   const auto fault_of = [&](const std::string& text) -> std::string {
     try {
       read(text);
@@ -288,7 +241,7 @@ TEST_F(SceneFile, FaultsOfOtherFilesNameThose) {
   EXPECT_THROW(read_scene(folder_ / "absent.yaml"), InputError);
 }
 
-TEST_F(SceneFile, APieceThatNothingHoldsIsRefused) {
+TEST_F(SceneReader, APieceThatNothingHoldsIsRefused) {
   // Two separate tetrahedra; the group holds one.
   write("two.msh",
         "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n0 1 "
@@ -298,22 +251,22 @@ TEST_F(SceneFile, APieceThatNothingHoldsIsRefused) {
   EXPECT_THROW(read(with(good_scene, "tiny_41_ascii.msh", "two.msh")), InputError);
 }
 
-TEST_F(SceneFile, MillimetresAndAxes) {
+TEST_F(SceneReader, MillimetresAndAxes) {
   const Scene mm = read(with(good_scene, "    removable", "    mesh_unit: mm\n    removable"));
   EXPECT_NEAR(mm.bodies[0].mesh.nodes[0].norm(), 1e-3 * read(good_scene).bodies[0].mesh.nodes[0].norm(),
               1e-18);
   const Scene axis = read(with(good_scene, "      length: 1", "      from: [0, 0, 1]\n      to: [0, 2, 1]"));
-  const Primitive& stick = axis.instrument.primitives[1];
+  const Primitive& stick = axis.first().shape.primitives[1];
   EXPECT_EQ(stick.half_length, 1);
   EXPECT_LT((stick.placement.to_world(Vec3(0, 0, 1)) - Vec3(0, 2, 1)).norm(), 1e-12);
   const Scene convex = read(with(good_scene, "      shape: cylinder\n      radius: 0.05\n      length: 1",
                                  "      shape: convex\n      mesh: tiny_41_ascii.msh"));
-  EXPECT_EQ(convex.instrument.primitives[1].planes.size(), 6u);
+  EXPECT_EQ(convex.first().shape.primitives[1].planes.size(), 6u);
   expect_fault("      length: 1", "      length: 1\n      from: [0, 0, 0]\n      to: [0, 0, 1]",
                "instrument.primitives[1].length", "beside from", 26);
 }
 
-TEST_F(SceneFile, ComplianceIsOneOfTheDaemonsMethods) {
+TEST_F(SceneReader, ComplianceIsOneOfTheDaemonsMethods) {
   EXPECT_EQ(read(good_scene).compliance, ComplianceMethod::exact);
   const Scene scene = read(with(good_scene, "  rate: 50\n", "  rate: 50\n  compliance: zone\n"));
   EXPECT_EQ(scene.compliance, ComplianceMethod::zone);
@@ -325,39 +278,41 @@ TEST(ShippedScenes, AreReadAndFitTheirDevice) {
   for (const char* name : {"cataract/cataract.yaml", "cube/cube.yaml", "lens_large/lens_5k.yaml"}) {
     SCOPED_TRACE(name);
     const Scene scene = read_scene(scenes / name);
-    EXPECT_LE(felt_stiffness(scene), 1.001 * scene.device_stiffness);
-    ASSERT_TRUE(scene.trajectory);
+    EXPECT_LE(felt_stiffness(scene.first()), 1.001 * scene.first().device_stiffness);
+    ASSERT_TRUE(scene.first().trajectory);
     const std::string plan = describe(scene);
     for (const SceneBody& body : scene.bodies) EXPECT_NE(plan.find(body.name + ":"), std::string::npos);
     EXPECT_EQ(plan.find("MORE"), std::string::npos);
     // The trajectory begins clear of everything and ends clear of everything.
-    const Trajectory trajectory = read_trajectory(*scene.trajectory, LengthUnit::metre);
+    const Trajectory trajectory = read_trajectory(*scene.first().trajectory, LengthUnit::metre);
     for (double t : {trajectory.begin(), trajectory.end()})
       for (const SceneBody& body : scene.bodies)
         for (const Vec3& x : body.mesh.nodes)
-          ASSERT_GT(gap_at(scene.instrument, to_scene(scene.device, sample_at(trajectory, t)), x).distance,
+          ASSERT_GT(gap_at(scene.first().shape, to_scene(scene.first().device, sample_at(trajectory, t)), x)
+                        .distance,
                     0);
     double speed = 0;
     for (double t = trajectory.begin(); t < trajectory.end(); t += 1e-3)
       speed = std::max(speed, (sample_at(trajectory, t + 1e-3).p - sample_at(trajectory, t).p).norm() / 1e-3);
-    EXPECT_LT(speed, 0.5 * scene.device.max_speed);
-    EXPECT_LT(speed * scene.device.position_scale / scene.rate, scene.alarm_distance);
+    EXPECT_LT(speed, 0.5 * scene.first().device.max_speed);
+    EXPECT_LT(speed * scene.first().device.position_scale / scene.rate, scene.alarm_distance);
   }
 }
 
 TEST(ShippedScenes, TheShaftStaysWithinTheIncision) {
   const Scene scene = read_scene(scenes / "cataract/cataract.yaml");
-  const Trajectory trajectory = read_trajectory(*scene.trajectory, LengthUnit::metre);
+  const Trajectory trajectory = read_trajectory(*scene.first().trajectory, LengthUnit::metre);
   const SceneBody& cornea = scene.bodies[2];
   ASSERT_EQ(cornea.name, "cornea");
   const double radius = 7.525e-3, y = -4.2e-3;
   const Vec3 incision(0, y, -1.9e-3 + std::sqrt(radius * radius - y * y));
   for (double t = trajectory.begin(); t <= trajectory.end(); t += 0.1) {
-    const Pose X = to_scene(scene.device, sample_at(trajectory, t));
+    const Pose X = to_scene(scene.first().device, sample_at(trajectory, t));
     const Vec3 local = X.to_local(incision);
     EXPECT_LT(local.head<2>().norm(), 20e-6) << t;
     EXPECT_GT(local.z(), 1e-3) << t;
-    for (const Vec3& x : cornea.mesh.nodes) ASSERT_GT(gap_at(scene.instrument, X, x).distance, 0.3e-3) << t;
+    for (const Vec3& x : cornea.mesh.nodes)
+      ASSERT_GT(gap_at(scene.first().shape, X, x).distance, 0.3e-3) << t;
   }
 }
 

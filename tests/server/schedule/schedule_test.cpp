@@ -60,7 +60,7 @@ class ScriptedPort final : public DevicePort {
     sample.buttons = t > 0.4 ? pedal_phaco | pedal_aspiration : 0u;
     return count_ % 17 != 0;  // one is late now and then
   }
-  std::int64_t await(std::int64_t until_ns) noexcept override {
+  std::int64_t await(std::int64_t until_ns, const EachInstrument<std::int64_t>&) noexcept override {
     sleep_until(until_ns);
     return 0;
   }
@@ -80,19 +80,18 @@ struct LiveRun {
 LiveRun run_live(const Scene& scene, const std::filesystem::path& file) {
   PartTimes times(monotonic_ns);
   const std::unique_ptr<World> world = make_world(scene);
-  Channel<InstrumentInput> instrument;
+  Channel<InstrumentInputs> instruments;
   Channel<CondensedProblem> problems;
   Channel<SceneSnapshot> snapshots;
   Channel<DeviceTuning> tunings;
   SpscQueue<ForceRecord> history(16);
-  ScriptedPort port(scene.device);
-  ScheduleRecorder recorder(file, scene, scene.device);
-  SimulationLoop simulation(*world, times, scene.rate, instrument, problems, snapshots);
-  HapticLoop haptic(scene.instrument, scene.device, haptic_options(scene), port, problems, instrument,
-                    history);
+  ScriptedPort port(scene.first().device);
+  ScheduleRecorder recorder(file, scene, devices_of(scene));
+  SimulationLoop simulation(*world, times, scene.rate, instruments, problems, {&snapshots});
+  HapticLoop haptic(world->instruments(), {{scene.first().device, port, history, &tunings}},
+                    haptic_options(scene), problems, instruments);
   simulation.record_into(recorder.steps());
   haptic.record_into(recorder.ticks());
-  haptic.retune_from(tunings);
   simulation.warm_up();
   recorder.start();
   simulation.start();
@@ -104,7 +103,7 @@ LiveRun run_live(const Scene& scene, const std::filesystem::path& file) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
   };
   wait_for_ticks(200, 0);
-  tunings.back() = tuning_of(scene.device);
+  tunings.back() = tuning_of(scene.first().device);
   tunings.back().force_scale *= 0.8;
   tunings.publish();
   wait_for_ticks(700, 3);
@@ -127,7 +126,7 @@ void expect_the_same(Scene scene) {
   double peak = 0;
   const Reproduction again =
       replay_schedule(as_run(schedule, cube()), schedule, [&](const ReproducedTick& t) {
-        peak = std::max(peak, t.force.force.norm());
+        peak = std::max(peak, t.force[0].force.norm());
         return true;
       });
   std::printf(
@@ -157,7 +156,7 @@ TEST(Schedule, ReferenceFactorsAreAdoptedWhereTheyWere) {
 TEST(Schedule, AFileThatIsNoneOrAnotherScenesIsRefusedByName) {
   const TemporaryFile file("schedule_file_test");
   const Scene scene = cube();
-  ScheduleWriter(file.path(), scene, scene.device).end(3, 4);
+  ScheduleWriter(file.path(), scene, devices_of(scene)).end(3, 4);
   const Schedule empty = read_schedule(file.path());
   EXPECT_TRUE(empty.complete);
   EXPECT_EQ(empty.ticks_lost, 3u);
@@ -169,7 +168,7 @@ TEST(Schedule, AFileThatIsNoneOrAnotherScenesIsRefusedByName) {
 
   const std::string whole = file.bytes();
   {
-    ScheduleWriter writer(file.path(), scene, scene.device);
+    ScheduleWriter writer(file.path(), scene, devices_of(scene));
     TickRecord tick;
     tick.facts.tick = 7;
     tick.clock.count = 2;
@@ -208,7 +207,7 @@ TEST(Schedule, AFileThatIsNoneOrAnotherScenesIsRefusedByName) {
     EXPECT_EQ(e.line(), 1);  // the first record
   }
   std::string newer = two;
-  newer[8] = 2;
+  newer[8] = 99;
   file.write(newer);
   EXPECT_THROW(read_schedule(file.path()), InputError);
 }
@@ -216,22 +215,22 @@ TEST(Schedule, AFileThatIsNoneOrAnotherScenesIsRefusedByName) {
 // A step in contact that removes something: what happens when, by the default timing.
 TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
   Scene scene = cube();
-  scene.removal.rate = 100;
+  scene.first().removal.rate = 100;
   std::vector<std::pair<StepAction, std::int64_t>> seen;
   VirtualDaemonSettings settings;
   settings.before = [&](StepAction action, std::int64_t ns) { seen.emplace_back(action, ns - 1000 * ms); };
-  VirtualDaemon daemon(make_world(scene), scene.rate, scene.device, haptic_options(scene), settings);
+  VirtualDaemon daemon(make_world(scene), scene.rate, scene.first().device, haptic_options(scene), settings);
   auto tick = [&, k = 0](int milliseconds) mutable {
     for (int i = 0; i < milliseconds; ++i, ++k) {
       HapticInput input;
       input.now_ns = (1000 + k) * ms;
-      input.presence = {.connected = true, .new_client = k == 0};
-      input.taken = true;
-      input.sample.sequence = static_cast<std::uint64_t>(k + 1);
-      input.sample.received_ns = input.now_ns;
-      input.sample.enable = true;
-      input.sample.pose = to_device(scene.device, {Vec3(10e-3, 10e-3, 22.2e-3), Quat::Identity()});
-      input.sample.buttons = k >= 40 ? pedal_phaco : 0u;
+      input.device[0].presence = {.connected = true, .new_client = k == 0};
+      input.device[0].taken = true;
+      input.device[0].sample.sequence = static_cast<std::uint64_t>(k + 1);
+      input.device[0].sample.received_ns = input.now_ns;
+      input.device[0].sample.enable = true;
+      input.device[0].sample.pose = to_device(scene.first().device, {Vec3(10e-3, 10e-3, 22.2e-3), Quat::Identity()});
+      input.device[0].sample.buttons = k >= 40 ? pedal_phaco : 0u;
       daemon.tick(input);
     }
   };
@@ -258,7 +257,7 @@ TEST(StepSchedule, LeavesOutWhatHasPassed) {
   const std::unique_ptr<World> world = make_world(scene);
   struct Host final : StepHost {
     CondensedProblem* slot;
-    InstrumentSample latch() override { return {}; }
+    InstrumentSamples latch() override { return {}; }
     CondensedProblem& problem() override { return *slot; }
     void publish(StepAction) override {}
     std::optional<ReferenceJob> finished_reference() override { return std::nullopt; }

@@ -39,7 +39,7 @@ TEST(Command, AFaultyRecordingIsTwoAndNamedByFileLineAndColumn) {
   expect_refused("replay " + scratch.file("missing.csv"), {"missing.csv"});
   expect_refused("hand --target " + scratch.file("missing.csv"), {"missing.csv"});
   expect_refused("hand --device " + scratch.file("missing.yaml"), {"missing.yaml"});
-  expect_refused("replay x.csv --from-scene " + scratch.file("missing.yaml"), {"x.csv"});
+  expect_refused("replay x.csv --from-scene " + scratch.file("missing.yaml"), {"missing.yaml"});
   const std::string column = scratch.file("column.csv", "t,px,py,pq\n0,0,0,0\n1,0,0,0\n");
   expect_refused("replay " + column, {"column.csv:1", "pq"});
   const std::string number = scratch.file("number.csv", "t,px,py,pz\n0,0,0,0\n1,zero,0,0\n");

@@ -1,5 +1,7 @@
 #include "tools/client/slots.h"
 
+#include "tools/client/common_start.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,6 +15,16 @@ TEST(Slots, AnOnTimeClientServesTheNextOne) {
   EXPECT_EQ(plan.slot_to_serve(0, 1000), 0);
   EXPECT_EQ(plan.slot_to_serve(3, plan.time_of(3) + 10), 3);
   EXPECT_EQ(plan.slot_to_serve(0, 0), 0);
+}
+
+// The last of three to arrive sets the time, ahead of it.
+TEST(CommonStart, BeginsWhenAllHaveArrived) {
+  CommonStart start(3);
+  start.arrive(1000);
+  start.arrive(5000);
+  EXPECT_EQ(start.time_ns(), 0);
+  start.arrive(3000);
+  EXPECT_EQ(start.time_ns(), 3000 + 20'000'000);
 }
 
 TEST(Slots, ALateClientSkipsWhatIsOver) {

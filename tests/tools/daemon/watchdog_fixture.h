@@ -30,6 +30,20 @@ inline constexpr int patience_ms = 20'000;        // until something must have c
 inline double magnitude(const Force& f) { return ScriptedClient::magnitude(f); }
 inline bool has(const Force& f, std::uint32_t bits) { return (f.status & bits) != 0; }
 
+// No two forces of consecutive ticks further apart than the device's slew limit, none above its maximum.
+inline void expect_bounded(const std::vector<Force>& forces, double step, double maximum) {
+  for (std::size_t i = 0; i < forces.size(); ++i) {
+    ASSERT_TRUE(std::isfinite(magnitude(forces[i])));
+    ASSERT_LE(magnitude(forces[i]), maximum * (1 + 1e-9));
+    if (i == 0 || forces[i].number != forces[i - 1].number + 1) continue;
+    // What ends at once is exempt: zero is always allowed.
+    if (magnitude(forces[i]) == 0) continue;
+    Vec3 change;
+    for (int k = 0; k < 3; ++k) change[k] = forces[i].force[k] - forces[i - 1].force[k];
+    ASSERT_LE(change.norm(), step * (1 + 1e-6)) << "at tick " << forces[i].number;
+  }
+}
+
 // Parameter: the daemon's mode.
 class Watchdog : public testing::TestWithParam<const char*> {
  protected:
@@ -58,19 +72,6 @@ class Watchdog : public testing::TestWithParam<const char*> {
     client_->move_to(touching_z, 300);
     ASSERT_TRUE(
         client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
-  }
-  // No two forces of consecutive ticks further apart than the device's slew limit, none above its maximum.
-  static void expect_bounded(const std::vector<Force>& forces, double step, double maximum) {
-    for (std::size_t i = 0; i < forces.size(); ++i) {
-      ASSERT_TRUE(std::isfinite(magnitude(forces[i])));
-      ASSERT_LE(magnitude(forces[i]), maximum * (1 + 1e-9));
-      if (i == 0 || forces[i].number != forces[i - 1].number + 1) continue;
-      // What ends at once is exempt: zero is always allowed.
-      if (magnitude(forces[i]) == 0) continue;
-      Vec3 change;
-      for (int k = 0; k < 3; ++k) change[k] = forces[i].force[k] - forces[i - 1].force[k];
-      ASSERT_LE(change.norm(), step * (1 + 1e-6)) << "at tick " << forces[i].number;
-    }
   }
   void rearm() {
     edge();

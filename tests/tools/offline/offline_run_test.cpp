@@ -43,20 +43,20 @@ TEST_F(OfflineRun, TwoRunsAgreeBitForBit) {
   for (const ComplianceMethod method : {ComplianceMethod::exact, ComplianceMethod::zone}) {
     scene.compliance = method;
     const OfflineResult a = run_offline(scene, input, {}), b = run_offline(scene, input, {});
-    ASSERT_EQ(a.ticks.size(), 100u);
-    ASSERT_EQ(b.ticks.size(), 100u);
-    for (std::size_t i = 0; i < a.ticks.size(); ++i) EXPECT_EQ(a.ticks[i].wrench, b.ticks[i].wrench);
-    EXPECT_GT(a.ticks[50].wrench.head<3>().norm(), 1e-3);
+    ASSERT_EQ(a.ticks().size(), 100u);
+    ASSERT_EQ(b.ticks().size(), 100u);
+    for (std::size_t i = 0; i < a.ticks().size(); ++i) EXPECT_EQ(a.ticks()[i].wrench, b.ticks()[i].wrench);
+    EXPECT_GT(a.ticks()[50].wrench.head<3>().norm(), 1e-3);
   }
 }
 
 // At rest neither time nor coupling matters: every rendering that knows the present pose gives one force.
 TEST_F(OfflineRun, AtRestEveryRenderingAgreesWithTheReference) {
   const OfflineInput input = press(0.4);
-  const Vec3 truth = run_reference(scene, input, 1e-3).ticks.back().wrench.head<3>();
+  const Vec3 truth = run_reference(scene, input, 1e-3).ticks().back().wrench.head<3>();
   EXPECT_GT(truth.z(), 1e-3);
   const auto last = [&](const OfflineOptions& options) {
-    return Vec3(run_offline(scene, input, options).ticks.back().wrench.head<3>());
+    return Vec3(run_offline(scene, input, options).ticks().back().wrench.head<3>());
   };
   for (const Rendering rendering :
        {Rendering::solved, Rendering::held, Rendering::extrapolated, Rendering::frozen_friction}) {
@@ -77,9 +77,9 @@ TEST_F(OfflineRun, AWindowThatBeginsInContactIsComeDownTo) {
   window.settle = 0.1;
   window.approach = 2e-3;
   const auto in_window = run_offline(scene, window, {}), all = run_offline(scene, whole, {});
-  ASSERT_EQ(in_window.ticks.size(), 100u);
-  const Vec3 truth = all.ticks.back().wrench.head<3>();
-  EXPECT_LT((in_window.ticks.back().wrench.head<3>() - truth).norm(), 1e-2 * truth.norm());
+  ASSERT_EQ(in_window.ticks().size(), 100u);
+  const Vec3 truth = all.ticks().back().wrench.head<3>();
+  EXPECT_LT((in_window.ticks().back().wrench.head<3>() - truth).norm(), 1e-2 * truth.norm());
 }
 
 TEST_F(OfflineRun, TheScheduleRemovesTheSameEverywhere) {

@@ -102,7 +102,7 @@ class Controlled final : public Renderer {
     made = std::max(made, -rest_);
     most = std::max(most, took - made);
     const ForceSample answer = daemon_.tick(arrived);
-    control_ = daemon_.haptic().controlled;
+    control_ = daemon_.haptic().device[0].controlled;
     sent_ = answer.force;
     return answer;
   }
@@ -121,8 +121,9 @@ class Controlled final : public Renderer {
 
 TEST(ClosedLoop, PassivityControllerTakesOutNoMoreThanWasMade) {
   Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
-  scene.device.max_force = scene.device.max_force_rate = 1e6;
-  scene.device.force_scale = 16;
+  DeviceSettings& device = scene.first().device;
+  device.max_force = device.max_force_rate = 1e6;
+  device.force_scale = 16;
   // Armed inside: the force that rises pushes the hand out, with energy that nobody put in.
   ClosedLoopSettings s = press();
   s.press.start.z() = 19e-3;
@@ -140,8 +141,9 @@ TEST(ClosedLoop, PassivityControllerTakesOutNoMoreThanWasMade) {
 
 TEST(ClosedLoop, DaemonStandsWhereTheHeldForceSwingsAndBothAreRepeatableBitForBit) {
   Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
-  scene.device.max_force = scene.device.max_force_rate = 1e6;
-  scene.device.force_scale = 16;
+  DeviceSettings& device = scene.first().device;
+  device.max_force = device.max_force_rate = 1e6;
+  device.force_scale = 16;
   const auto run = [&](Rendering rendering) {
     DaemonRendererOptions options;
     options.rendering = rendering;

@@ -39,13 +39,17 @@ TEST(ViewFrames, ASurfaceIsTrianglesThenTheirKinds) {
   EXPECT_EQ(f[24 + 38], view_loose);
 }
 
-TEST(ViewFrames, ContactsBeginWithTheInstrument) {
-  const std::vector<float> instrument(7, 1), contacts(14, 2);
-  const std::string f = contacts_frame(0, instrument, contacts);
-  ASSERT_EQ(f.size(), 24u + 4 * 21);
-  EXPECT_EQ(at<std::uint32_t>(f, 8), 2u);
-  EXPECT_EQ(at<float>(f, 24 + 4 * 6), 1);
-  EXPECT_EQ(at<float>(f, 24 + 4 * 7), 2);
+TEST(ViewFrames, ContactsBeginWithTheInstrumentsAndEndWithWhoPresses) {
+  const std::vector<float> instruments(14, 1), contacts(21, 2);
+  const std::vector<std::uint8_t> pressing{0, 255, 1, 255, 1, 0};
+  const std::string f = contacts_frame(0, instruments, contacts, pressing);
+  ASSERT_EQ(f.size(), 24u + 4 * 35 + 6);
+  EXPECT_EQ(at<std::uint32_t>(f, 8), 3u);
+  EXPECT_EQ(at<std::uint32_t>(f, 12), 2u);
+  EXPECT_EQ(at<float>(f, 24 + 4 * 13), 1);
+  EXPECT_EQ(at<float>(f, 24 + 4 * 14), 2);
+  EXPECT_EQ(at<std::uint8_t>(f, 24 + 4 * 35 + 1), 255);
+  EXPECT_EQ(at<std::uint8_t>(f, 24 + 4 * 35 + 5), 0);
 }
 
 }  // namespace

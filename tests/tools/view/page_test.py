@@ -1,6 +1,6 @@
 """The page of `haptic view` in a browser, against daemons and recordings that it starts itself.
 
-page_test.py live|recording|control BIN_DIR SOURCE_DIR DOMAIN: exit code 0 if all holds, 77 without a browser; figures on
+page_test.py live|recording|control|hands BIN_DIR SOURCE_DIR DOMAIN: exit code 0 if all holds, 77 without a browser; figures on
 stdout. With --pictures DIR the screenshots stay.
 """
 import json
@@ -161,6 +161,49 @@ def control(browser):
     wait_for(lambda: browser.ask('hapticView.strip.status.devices[0].status & 1') == 1, 5, 'disarmed')
 
 
+def hands(browser):
+    """Two instruments in one lens: two tools, each with its contacts, and a trace a device."""
+    two = os.path.join(source, 'config/scenes/two_hands')
+    start('hapticd', os.path.join(two, 'two_hands.yaml'), '--domain', domain)
+    _, url = view('--domain', domain)
+    browser.open(url)
+    wait_for(lambda: (f := browser.figures()).get('triangles') and f['daemon'] and len(f['tools']) == 2, 30, 'the scene')
+    wait_for(lambda: len(browser.figures()['traces']) == 2, 5, 'two traces')
+    check('names', [t['name'] for t in browser.figures()['tools']] == ['phaco', 'chopper'], browser.figures()['tools'])
+    check('nobody_holds_one', not any(t['held'] for t in browser.figures()['tools']))
+    picture(browser, 'hands_before')
+    alone = start('haptic', 'hand', '--target', os.path.join(two, 'hold.csv'), '--device-id', '1', '--duration', '3', '--domain', domain,
+                  '--min-answered', '0')
+    wait_for(lambda: [t['held'] for t in browser.figures()['tools']] == [False, True], 20, 'the chopper alone is held')
+    alone.terminate()
+    alone.wait(20)
+    replay = start('haptic', 'replay', os.path.join(two, 'sculpt.csv'), os.path.join(two, 'hold.csv'), '--domain', domain,
+                   '--min-answered', '0')
+    seen = lambda: browser.figures()['tools']
+    wait_for(lambda: all(t['shown'] and t['held'] for t in seen()), 20, 'both are held')
+    both = wait_for(lambda: (t := seen()) and all(i['contacts'] for i in t) and t, 30, 'both touch')
+    figures['contacts'] = [t['contacts'] for t in both]
+    picture(browser, 'hands_press')
+    felt = wait_for(lambda: (t := browser.figures()['traces']) and all(i['force'] > 0.05 for i in t) and t, 20, 'both feel a force')
+    figures['forces'] = [round(t['force'], 3) for t in felt]
+    blocks = [t['blocks'] for t in felt]
+    # Of one haptic thread: the traces have one time axis, but for the messages' own period.
+    check('one_time_axis', abs(blocks[0] - blocks[1]) < 100, blocks)
+    wait_for(lambda: len(browser.ask("[...document.querySelectorAll('#force-traces li')].map(e => e.textContent)")) == 2, 5, 'both named')
+    words = browser.ask("document.getElementById('devices').textContent")
+    check('devices_named', 'phaco' in words and 'chopper' in words, words)
+    browser.ask("document.querySelector('#devices [data-device=\"1\"]').click()")
+    wait_for(lambda: browser.ask('hapticView.strip.chosen') == 1, 3, 'the other device chosen')
+    if keep:
+        wait_for(lambda: browser.figures()['removed'] > 20, 60, 'removals')
+        picture(browser, 'hands_sculpt')
+        browser.key('d')
+        time.sleep(0.5)
+        picture(browser, 'hands_dark')
+    replay.terminate()
+    wait_for(lambda: not any(t['held'] for t in seen()), 20, 'both are let go of')
+
+
 program = find_browser()
 if not program:
     print('no chromium here')
@@ -168,7 +211,7 @@ if not program:
 browser = Browser(program)
 code = 0
 try:
-    {'live': live, 'recording': recording, 'control': control}[mode](browser)
+    {'live': live, 'recording': recording, 'control': control, 'hands': hands}[mode](browser)
     check('no_errors', not browser.errors and not browser.figures()['errors'], browser.errors + browser.figures()['errors'])
 except (AssertionError, RuntimeError, ConnectionError) as error:
     figures['failed'] = str(error)

@@ -61,6 +61,27 @@ TEST(ViewScene, ABodyIsToldOnceAndThenWhatMoved) {
   EXPECT_EQ(word(messages_of(scene)["surface/3"], 8), 6u);
 }
 
+// Told of two, then a daemon with one: the second is gone.
+TEST(ViewScene, InstrumentsAreThoseOfTheNewestDaemon) {
+  ViewScene scene;
+  scene.tell_instrument(1, 2, {"chopper", 7, {}});
+  scene.tell_instrument(0, 2, {"phaco", 3, {}});
+  const std::string both = messages_of(scene)["scene"];
+  EXPECT_LT(both.find("\"phaco\""), both.find("\"chopper\""));
+  EXPECT_NE(both.find("\"device\":7"), std::string::npos) << both;
+  scene.tell_instrument(0, 1, {"phaco", 3, {}});
+  EXPECT_EQ(messages_of(scene)["scene"].find("chopper"), std::string::npos);
+}
+
+// Nobody says who presses: the first instrument, on tissue.
+TEST(ViewScene, EveryContactHasSomebodyWhoPresses) {
+  ViewScene scene;
+  scene.tell_contacts(1, std::vector<float>(14), std::vector<float>(14), std::vector<std::uint8_t>{1, 0});
+  const std::string frame = messages_of(scene)["contacts"];
+  ASSERT_EQ(frame.size(), 24u + 4 * 28 + 4);
+  EXPECT_EQ(frame.substr(frame.size() - 4), (std::string{1, 0, 0, static_cast<char>(255)}));
+}
+
 TEST(ViewScene, WhatDoesNotFitIsLeftOut) {
   ViewScene scene;
   scene.tell_body(0, "pair", true, pair());

@@ -22,6 +22,8 @@ TEST(ViewDaemon, ABrowserSeesTheLensBreakAndTheDaemonGoAndComeBack) { in_a_brows
 TEST(ViewDaemon, ARecordingPlaysToItsEndAndBack) { in_a_browser("recording"); }
 TEST(ViewDaemon, AMouseIsAHandWithinItsBounds) { in_a_browser("control"); }
 
+TEST(ViewDaemon, TwoToolsAndTwoForcesAreShown) { in_a_browser("hands"); }
+
 TEST(View, UsageIsChecked) {
   const ScratchDirectory scratch;
   EXPECT_EQ(run_haptic("view --recording " + scratch.file("a.csv", "t,px,py,pz\n0,0,0,0\n1,0,0,0\n")).code,

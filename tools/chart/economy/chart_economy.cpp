@@ -17,38 +17,54 @@ namespace {
 constexpr double end_margin = 0.05;  // of the trajectory that is left out [s]
 
 OfflineInput input_of(const Scene& scene) {
-  if (!scene.trajectory)
-    throw InputError(scene.file, 0, "trajectory", "is needed: a plan is measured along it");
-  Trajectory device = read_trajectory(*scene.trajectory, LengthUnit::metre);
-  std::vector<TrajectorySample> samples = device.samples;
-  for (TrajectorySample& s : samples) s.pose = to_scene(scene.device, s.pose);
   OfflineInput input;
-  input.motion = make_trajectory(std::move(samples));
-  input.from = input.motion.begin();
-  input.to = input.motion.end() - end_margin;
+  input.to = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < scene.instruments.size(); ++i) {
+    const SceneInstrument& held = scene.instruments[i];
+    if (!held.trajectory)
+      throw InputError(scene.file, 0, "trajectory", "is needed: a plan is measured along it");
+    std::vector<TrajectorySample> samples = read_trajectory(*held.trajectory, LengthUnit::metre).samples;
+    for (TrajectorySample& s : samples) s.pose = to_scene(held.device, s.pose);
+    const Trajectory motion = make_trajectory(std::move(samples));
+    input.from = i == 0 ? motion.begin() : std::max(input.from, motion.begin());
+    input.to = std::min(input.to, motion.end() - end_margin);
+    input.motion[static_cast<int>(i)] = motion;
+  }
   return input;
 }
 
-double error_against(const OfflineResult& reference, const OfflineResult& run) {
+double error_against(const std::vector<OfflineTick>& reference, const std::vector<OfflineTick>& run) {
   double squares = 0, peak = 0;
-  const std::size_t ticks = std::min(reference.ticks.size(), run.ticks.size());
+  const std::size_t ticks = std::min(reference.size(), run.size());
   for (std::size_t i = 0; i < ticks; ++i) {
-    squares += (run.ticks[i].wrench - reference.ticks[i].wrench).head<3>().squaredNorm();
-    peak = std::max(peak, reference.ticks[i].wrench.head<3>().norm());
+    squares += (run[i].wrench - reference[i].wrench).head<3>().squaredNorm();
+    peak = std::max(peak, reference[i].wrench.head<3>().norm());
   }
   const double error = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, ticks))) / peak;
   return std::isfinite(error) ? error : std::numeric_limits<double>::infinity();
 }
 
-double jump_against(const OfflineResult& reference, const OfflineResult& run) {
+double jump_against(const std::vector<OfflineTick>& reference, const std::vector<OfflineTick>& run) {
   std::vector<Vec3> expected, force;
   std::vector<std::uint8_t> swapped;
-  for (const OfflineTick& t : reference.ticks) expected.push_back(t.wrench.head<3>());
-  for (const OfflineTick& t : run.ticks) {
+  for (const OfflineTick& t : reference) expected.push_back(t.wrench.head<3>());
+  for (const OfflineTick& t : run) {
     force.push_back(t.wrench.head<3>());
     swapped.push_back(t.swapped);
   }
   return swap_jump(expected, 1, force, swapped);
+}
+
+// Of the hand that is worst off.
+double worst_hand(double (*measure)(const std::vector<OfflineTick>&, const std::vector<OfflineTick>&),
+                  const OfflineResult& reference, const OfflineResult& run) {
+  double most = 0;
+  for (int i = 0; i < max_instruments; ++i) {
+    if (reference.hands[i].empty()) continue;
+    const double of_hand = measure(reference.hands[i], run.hands[i]);
+    if (!(of_hand <= most)) most = of_hand;  // also where it is no number
+  }
+  return most;
 }
 
 std::string label_of(const Scene& scene) {
@@ -123,8 +139,8 @@ EconomyModel measure(const Scene& scene, const OfflineInput& input, const Offlin
     options.latch_after = 0.6 * options.publish_after;
     model.cost_ms =
         std::min(model.cost_ms, 1e3 * (run.simulation.total + run.haptic.total + run.bases.total) / steps);
-    model.error = error_against(reference, run);
-    model.jump = jump_against(reference, run);
+    model.error = worst_hand(error_against, reference, run);
+    model.jump = worst_hand(jump_against, reference, run);
     model.inverted = run.inverted;
   }
   return model;
@@ -148,7 +164,7 @@ EconomyScene measure_economy(const Scene& scene, bool all, const EconomyProgress
   const OfflineResult reference = run_reference(whole, input, 1e-3);
   if (all) {
     if (!show(0.1, "reference of half the step")) return out;
-    out.reference_change = error_against(run_reference(whole, input, 0.5e-3), reference);
+    out.reference_change = worst_hand(error_against, run_reference(whole, input, 0.5e-3), reference);
   }
 
   std::vector<Scene> models = all ? models_of(scene) : std::vector<Scene>{};

@@ -67,7 +67,7 @@ Reference reference_of(const Scene& scene, const OfflineInput& input, double sho
   for (r.step = longest_step; work.goes_on(); r.step /= 2) {
     work.begin(what + ", reference at half the step", 2 * span / r.step);
     OfflineResult half = cached_reference(settings.cache, scene, input, r.step / 2, work.progress());
-    r.half_step_rel = force_error(r.run.ticks, half.ticks).rms_rel;
+    r.half_step_rel = worst(force_errors(r.run.hands, half.hands)).rms_rel;
     r.inverted = r.run.inverted + half.inverted;
     r.run = std::move(half);
     r.converged = work.goes_on() && r.half_step_rel <= converged_within && r.inverted == 0;
@@ -99,10 +99,15 @@ ForcePoint point_of(const ForceConfiguration& c, const OfflineInput& input, cons
   p.simulation_step_ms_p50 = 1e3 * result.simulation.quantile(50);
   p.simulation_step_ms_p99 = 1e3 * result.simulation.quantile(99);
   p.interim_ms_p50 = 1e3 * result.interim.quantile(50);
+  p.haptic_us_p50 = 1e6 * result.haptic.quantile(50);
   p.haptic_us_p99 = 1e6 * result.haptic.quantile(99);
   p.memory_mb = 1e-6 * static_cast<double>(result.memory_bytes);
   p.inverted = result.inverted;
   p.capped = result.capped;
+  p.dropped_samples = result.dropped_samples;
+  p.uncovered_nodes = result.uncovered_nodes;
+  p.reciprocity = result.reciprocity;
+  p.third_law = result.third_law;
   return p;
 }
 
@@ -118,6 +123,37 @@ const ForceRun::Trace* trace(const ForceRun& run, const std::string& label) {
   return nullptr;
 }
 
+struct Job {
+  OfflineInput input;
+  std::string trajectory;
+  int removals;
+};
+
+std::vector<Job> recording_jobs(const Scene& scene, const std::vector<std::filesystem::path>& recordings,
+                                const ForceChartSettings& settings, const std::vector<int>& removals) {
+  std::vector<Job> jobs;
+  for (const std::filesystem::path& file : recordings)
+    for (const int per_step : removals) {
+      Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
+      if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
+      jobs.push_back(std::move(job));
+    }
+  return jobs;
+}
+
+std::vector<Job> window_jobs(const Scene& scene, const std::vector<ForceWindow>& windows,
+                             const std::vector<int>& removals) {
+  std::vector<Job> jobs;
+  for (const ForceWindow& w : windows) {
+    if (std::none_of(removals.begin(), removals.end(), [&](int r) { return (r > 0) == w.removals; }))
+      continue;
+    Job job{motions_in_window(scene, w), w.name, w.removals ? 1 : 0};
+    if (w.removals) job.input.removals = record_removals(scene, job.input, {});
+    jobs.push_back(std::move(job));
+  }
+  return jobs;
+}
+
 // Where a tighter tolerance does not give a smaller error, and why.
 void explain_tolerances(ForceChart& chart) {
   constexpr double default_tolerance = 1e-8;
@@ -131,8 +167,8 @@ void explain_tolerances(ForceChart& chart) {
       for (const ForceRun& run : chart.runs) {
         if (run.trajectory != tight.trajectory || run.removals != tight.removals) continue;
         const ForceRun::Trace *a = trace(run, tight.label), *b = trace(run, loose.label);
-        if (!a || !b || run.reference.empty()) continue;
-        const double apart = force_error(a->ticks, b->ticks).rms_rel;
+        if (!a || !b || run.reference[0].empty()) continue;
+        const double apart = worst(force_errors(a->hands, b->hands)).rms_rel;
         char text[400];
         std::snprintf(
             text, sizeof text,
@@ -197,24 +233,17 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   const std::vector<int> removals = settings.quick ? std::vector<int>{0} : settings.removals;
 
   // Inputs first: a fault in the last recording is not found after an hour.
-  struct Job {
-    OfflineInput input;
-    std::string trajectory;
-    int removals;
-  };
-  std::vector<Job> jobs;
+  const std::vector<Job> jobs = scene.instruments.size() > 1
+                                    ? window_jobs(scene, table.windows, removals)
+                                    : recording_jobs(scene, recordings, settings, removals);
   double whole = 0;
-  for (const std::filesystem::path& file : recordings)
-    for (const int per_step : removals) {
-      Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
-      if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
-      const double span = job.input.to - job.input.from + job.input.settle;
-      whole += (per_step > 0 ? 90 : 15) * span / longest_step * step_weight(scene);
-      for (const ForceConfiguration* c : chosen)
-        whole += span * c->rate.value_or(scene.rate) * step_weight(scene);
-      jobs.push_back(std::move(job));
-    }
-  const bool in_space = !settings.quick && !table.finest.empty();
+  for (const Job& job : jobs) {
+    const double span = job.input.to - job.input.from + job.input.settle;
+    whole += (job.removals > 0 ? 90 : 15) * span / longest_step * step_weight(scene);
+    for (const ForceConfiguration* c : chosen)
+      whole += span * c->rate.value_or(scene.rate) * step_weight(scene);
+  }
+  const bool in_space = !settings.quick && !table.finest.empty() && !jobs.empty();
   const Scene finest = in_space ? with_meshes(scene, table.finest) : Scene{};
   if (in_space) whole += 3 * (jobs[0].input.to - jobs[0].input.from) / longest_step * step_weight(finest);
 
@@ -242,7 +271,7 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     run.inverted = own.inverted;
     run.converged = own.converged;
     run.reference_cpu_s = own.run.simulation.total;
-    run.reference = own.run.ticks;
+    run.reference = own.run.hands;
     for (const ForceConfiguration* c : chosen) {
       if (!work.goes_on()) return chart;
       // A schedule names elements of the scene's own mesh.
@@ -259,7 +288,8 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       ForcePoint p = point_of(*c, job.input, result);
       p.trajectory = job.trajectory;
       p.removals = job.removals;
-      p.error = force_error(result.ticks, truth.run.ticks);
+      p.hands = force_errors(result.hands, truth.run.hands);
+      p.error = worst(p.hands);
       p.reference_converged = c->meshes.empty() ? run.converged : other.converged;
       if (job.removals > 0) {
         const double delay = felt_after(c->options, result);
@@ -269,13 +299,14 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
         const Reference& late = felt[delay];
         run.felt_half_step_rel = std::max(run.felt_half_step_rel, late.half_step_rel);
         run.felt_converged = run.felt_converged && late.converged;
-        p.felt = force_error(result.ticks, late.run.ticks);
+        p.felt_hands = force_errors(result.hands, late.run.hands);
+        p.felt = worst(p.felt_hands);
       }
       if (space_here) {
-        p.space_rms_rel = force_error(truth.run.ticks, finest_reference.run.ticks).rms_rel;
-        p.whole_rms_rel = force_error(result.ticks, finest_reference.run.ticks).rms_rel;
+        p.space_rms_rel = force_error(truth.run.ticks(), finest_reference.run.ticks()).rms_rel;
+        p.whole_rms_rel = force_error(result.ticks(), finest_reference.run.ticks()).rms_rel;
       }
-      run.traces.push_back({c->label, result.ticks});
+      run.traces.push_back({c->label, result.hands});
       chart.points.push_back(std::move(p));
     }
     chart.runs.push_back(std::move(run));

@@ -8,6 +8,7 @@
 //   felt    with removals also: against a reference that loses each element when the problem without it comes
 //           into use, so long after the step that took it began. `error` has that delay in it.
 //   front   of converged points of one run: nothing else is both cheaper and more accurate
+//   hands   of several instruments each has its own error; a point's is the worst one's
 //
 // A run counts only where its reference converged (force_error.h); other points say so and are kept.
 // References are kept in a directory between charts, under a hash of all they depend on, this program
@@ -26,25 +27,29 @@ namespace hapticd {
 
 struct ForceChartSettings {
   WindowSettings window;
-  std::vector<int> removals = {0, 5};  // elements per 20 ms
-  bool quick = false;                  // the table's quick configurations, no removals, no finest mesh
-  std::filesystem::path cache;         // of references; empty: none are kept
+  // Elements per 20 ms. Of several instruments, along the table's windows: 0 allows those without removals,
+  // others those with.
+  std::vector<int> removals = {0, 5};
+  bool quick = false;           // the table's quick configurations, no removals, no finest mesh
+  std::filesystem::path cache;  // of references; empty: none are kept
 };
 
 struct ForcePoint {
   std::string label;
   nlohmann::ordered_json config;
   std::string trajectory;
-  int removals = 0;
+  int removals = 0;  // of several instruments 1: by their own rules
   double cpu_ms_per_s = 0, simulation_ms_per_s = 0, haptic_ms_per_s = 0, references_ms_per_s = 0;
   double simulation_step_ms_p50 = 0, simulation_step_ms_p99 = 0;
   double interim_ms_p50 =
       0;  // from the begin of a step that removes something to its interim problem; 0: none
-  double haptic_us_p99 = 0, memory_mb = 0;
+  double haptic_us_p50 = 0, haptic_us_p99 = 0, memory_mb = 0;
   ForceError error;
   ForceError felt;                                // only with removals
+  std::vector<ForceError> hands, felt_hands;      // of each instrument
+  double reciprocity = 0, third_law = 0;          // contact_laws.h
   double space_rms_rel = -1, whole_rms_rel = -1;  // < 0: not charted
-  int inverted = 0, capped = 0;
+  int inverted = 0, capped = 0, dropped_samples = 0, uncovered_nodes = 0;
   bool reference_converged = false;
   bool pareto = false;
   double front_factor =
@@ -63,10 +68,10 @@ struct ForceRun {
   int inverted = 0;
   bool converged = false;
   double reference_cpu_s = 0;
-  std::vector<OfflineTick> reference;
+  HandTicks reference;
   struct Trace {
     std::string label;
-    std::vector<OfflineTick> ticks;
+    HandTicks hands;
   };
   std::vector<Trace> traces;
 };
@@ -79,6 +84,7 @@ struct ForceChart {
 };
 
 // `progress` is told the fraction done and what is under way; false ends the chart early.
+// recordings: of a scene with one instrument; several have their own trajectories, and the table's windows.
 ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::path>& recordings,
                        const ForceTable& table, const ForceChartSettings& settings,
                        const std::function<bool(double, const std::string&)>& progress);

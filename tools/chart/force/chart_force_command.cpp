@@ -24,9 +24,42 @@ struct Options {
   bool force = false;
   ForceChartSettings settings;
   double window_s = 0, depth_mm = 0.3;
+  int hands = 0;  // 0: as many as the scene's instruments
 };
 
-nlohmann::ordered_json to_json(const ForcePoint& p) {
+nlohmann::ordered_json to_json(const ForceError& e) {
+  return {{"force_peak_n", e.peak},
+          {"force_rms_rel", e.rms_rel},
+          {"force_max_rel", e.max_rel},
+          {"torque_rms_rel", e.torque_rms_rel},
+          {"swap_jump_p95_rel", e.swap_jump_p95_rel},
+          {"swap_step_p95_rel", e.swap_step_p95_rel},
+          {"buzz_rms_n", e.buzz_rms_n},
+          {"onset_ms", rounded(e.onset_ms, 3)}};
+}
+
+// What only several instruments in one tissue have.
+void add_hands(const ForcePoint& p, const Scene& scene, nlohmann::ordered_json& j) {
+  for (std::size_t i = 0; i < p.hands.size(); ++i) {
+    nlohmann::ordered_json hand = {{"instrument", scene.instruments[i].name}};
+    hand.update(to_json(p.hands[i]));
+    if (i < p.felt_hands.size()) {
+      hand["felt_rms_rel"] = p.felt_hands[i].rms_rel;
+      hand["felt_max_rel"] = p.felt_hands[i].max_rel;
+      hand["felt_swap_jump_p95_rel"] = p.felt_hands[i].swap_jump_p95_rel;
+    }
+    j["hands"].push_back(std::move(hand));
+  }
+  j["tick_us"] = {{"p50", rounded(p.haptic_us_p50, 1)}, {"p99", rounded(p.haptic_us_p99, 1)}};
+  j["step_ms"] = {{"p50", rounded(p.simulation_step_ms_p50, 3)},
+                  {"p99", rounded(p.simulation_step_ms_p99, 3)}};
+  j["reciprocity"] = p.reciprocity;
+  j["third_law"] = p.third_law;
+  j["dropped_samples"] = p.dropped_samples;
+  j["uncovered_nodes"] = p.uncovered_nodes;
+}
+
+nlohmann::ordered_json to_json(const ForcePoint& p, const Scene& scene) {
   nlohmann::ordered_json j = {{"label", p.label},
                               {"config", p.config},
                               {"trajectory", p.trajectory},
@@ -66,6 +99,7 @@ nlohmann::ordered_json to_json(const ForcePoint& p) {
     j["space_rms_rel"] = p.space_rms_rel;
     j["space_and_time_rms_rel"] = p.whole_rms_rel;
   }
+  if (scene.instruments.size() > 1) add_hands(p, scene, j);
   return j;
 }
 
@@ -74,13 +108,13 @@ nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
   json["command"] = "chart force";
   json["scene"] = scene.name;
   json["default"] = chart.default_label;
-  json["force_scale"] = scene.device.force_scale;
+  json["force_scale"] = scene.first().device.force_scale;
   for (const ForceRun& run : chart.runs)
     json["runs"].push_back({{"trajectory", run.trajectory},
                             {"removals", run.removals},
                             {"elements_removed", run.removed},
-                            {"from_s", run.reference.empty() ? 0 : run.reference.front().t},
-                            {"seconds", rounded(1e-3 * static_cast<double>(run.reference.size()), 3)},
+                            {"from_s", run.reference[0].empty() ? 0 : run.reference[0].front().t},
+                            {"seconds", rounded(1e-3 * static_cast<double>(run.reference[0].size()), 3)},
                             {"reference_step_ms", 1e3 * run.reference_step},
                             {"half_step_rms_rel", run.half_step_rel},
                             {"felt_half_step_rms_rel", run.felt_half_step_rel},
@@ -89,13 +123,13 @@ nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
                             {"reference_converged", run.converged},
                             {"felt_reference_converged", run.felt_converged}});
   json["points"] = nlohmann::ordered_json::array();
-  for (const ForcePoint& p : chart.points) json["points"].push_back(to_json(p));
+  for (const ForcePoint& p : chart.points) json["points"].push_back(to_json(p, scene));
   json["notes"] = chart.notes;
   return json;
 }
 
 // Forces over time and spectra of the errors, for the pictures: µN are enough.
-nlohmann::ordered_json traces_of(const ForceChart& chart) {
+nlohmann::ordered_json traces_of(const ForceChart& chart, const Scene& scene) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   const auto components = [](const std::vector<OfflineTick>& ticks) {
     nlohmann::ordered_json f = nlohmann::ordered_json::array();
@@ -106,17 +140,23 @@ nlohmann::ordered_json traces_of(const ForceChart& chart) {
     }
     return f;
   };
-  for (const ForceRun& run : chart.runs) {
-    nlohmann::ordered_json j;
-    j["trajectory"] = run.trajectory;
-    j["removals"] = run.removals;
-    j["reference"] = components(run.reference);
-    for (const ForceRun::Trace& t : run.traces) {
-      const Spectrum s = error_spectrum(t.ticks, run.reference);
-      j["runs"].push_back(
-          {{"label", t.label}, {"force", components(t.ticks)}, {"df", s.df}, {"power", s.power}});
+  for (std::size_t k = 0; k < chart.runs.size(); ++k) {
+    const ForceRun& run = chart.runs[k];
+    for (std::size_t h = 0; h < scene.instruments.size(); ++h) {
+      const int i = static_cast<int>(h);
+      nlohmann::ordered_json j;
+      j["run"] = k;
+      if (scene.instruments.size() > 1) j["hand"] = scene.instruments[h].name;
+      j["trajectory"] = run.trajectory;
+      j["removals"] = run.removals;
+      j["reference"] = components(run.reference[i]);
+      for (const ForceRun::Trace& t : run.traces) {
+        const Spectrum s = error_spectrum(t.hands[i], run.reference[i]);
+        j["runs"].push_back(
+            {{"label", t.label}, {"force", components(t.hands[i])}, {"df", s.df}, {"power", s.power}});
+      }
+      json.push_back(std::move(j));
     }
-    json.push_back(std::move(j));
   }
   return json;
 }
@@ -145,7 +185,19 @@ std::string to_csv(const ForceChart& chart) {
   return csv.str();
 }
 
-void print_chart(const ForceChart& chart) {
+void print_hands(const ForcePoint& p, const Scene& scene) {
+  for (std::size_t i = 0; i < p.hands.size(); ++i) {
+    const auto line = [](const std::string& name, const ForceError& e) {
+      std::printf("  %-34s %9s %8s %8.2f %8.2f %8.2f\n", name.c_str(), "", "", 100 * e.rms_rel,
+                  100 * e.max_rel, 100 * e.swap_jump_p95_rel);
+    };
+    line("  " + scene.instruments[i].name, p.hands[i]);
+    if (i < p.felt_hands.size())
+      line("  " + scene.instruments[i].name + ", gone when published", p.felt_hands[i]);
+  }
+}
+
+void print_chart(const ForceChart& chart, const Scene& scene) {
   for (const ForceRun& run : chart.runs) {
     std::printf("%s, %d removals per 20 ms: half of %g ms differs by %.2f %%, %d inverted%s\n",
                 run.trajectory.c_str(), run.removals, 1e3 * run.reference_step, 100 * run.half_step_rel,
@@ -161,11 +213,21 @@ void print_chart(const ForceChart& chart) {
                   p.haptic_us_p99, 100 * p.error.rms_rel, 100 * p.error.max_rel,
                   100 * p.error.swap_jump_p95_rel, 1e3 * p.error.buzz_rms_n, p.front_factor,
                   p.reference_converged ? "" : "  not converged");
+      if (scene.instruments.size() > 1) {
+        print_hands(p, scene);
+        continue;
+      }
       if (p.removals > 0)
         std::printf("  %-34s %9s %8s %8.2f %8.2f %8.2f\n", "  elements gone when it is published", "", "",
                     100 * p.felt.rms_rel, 100 * p.felt.max_rel, 100 * p.felt.swap_jump_p95_rel);
     }
   }
+  for (const ForcePoint& p : chart.points)
+    if (scene.instruments.size() > 1 && p.label == chart.default_label)
+      std::printf(
+          "%s: tick p50 %.0f, p99 %.0f µs; step p50 %.1f, p99 %.1f ms; reciprocity %.1g, third law %.1g\n",
+          p.trajectory.c_str(), p.haptic_us_p50, p.haptic_us_p99, p.simulation_step_ms_p50,
+          p.simulation_step_ms_p99, p.reciprocity, p.third_law);
   for (const std::string& note : chart.notes) std::printf("note: %s\n", note.c_str());
 }
 
@@ -173,14 +235,23 @@ int chart(Options options, const CLI::App& app) {
   if (options.settings.quick && app.count("--window") == 0) options.window_s = 0.17;
   if (options.window_s > 0) options.settings.window.length = options.window_s;
   options.settings.window.depth = 1e-3 * options.depth_mm;
-  if (options.table.empty()) options.table = (config_directory() / "charts" / "force.yaml").string();
-  if (options.scene.empty())
-    options.scene = (config_directory() / "scenes" / "stroke" / "stroke.yaml").string();
+  if (options.scene.empty()) {
+    const char* name = options.hands > 1 ? "two_hands" : "stroke";
+    options.scene = (config_directory() / "scenes" / name / (std::string(name) + ".yaml")).string();
+  }
   prepare_outputs("force", csv_header, options.out, options.json, options.csv, options.force);
   if (!options.out.empty()) options.settings.cache = std::filesystem::path(options.out) / "references";
   keep_malloc_pages();
 
   const Scene scene = read_scene(options.scene);
+  const bool several = scene.instruments.size() > 1;
+  if (options.hands > 0 && static_cast<std::size_t>(options.hands) != scene.instruments.size())
+    throw UsageError("--hands " + std::to_string(options.hands) + ": the scene has " +
+                     std::to_string(scene.instruments.size()) + " instruments");
+  if (several && !options.recordings.empty())
+    throw UsageError("--trajectory: several instruments run along the scene's own trajectories");
+  if (options.table.empty())
+    options.table = (config_directory() / "charts" / (several ? "force_hands.yaml" : "force.yaml")).string();
   ForceTable table = read_force_table(options.table);
   if (!options.only.empty()) {
     std::vector<ForceConfiguration> kept;
@@ -190,9 +261,14 @@ int chart(Options options, const CLI::App& app) {
     table.configurations = std::move(kept);
   }
   std::vector<std::filesystem::path> recordings(options.recordings.begin(), options.recordings.end());
-  if (recordings.empty()) {
-    if (!scene.trajectory) throw UsageError("the scene has no trajectory: name one with --trajectory");
-    recordings = {*scene.trajectory};
+  if (several && table.windows.empty())
+    throw UsageError(options.table + " has no windows, which several instruments need");
+  for (ForceWindow& w : table.windows)
+    if (options.window_s > 0) w.to = std::min(w.to, w.from + options.window_s);
+  if (recordings.empty() && !several) {
+    if (!scene.first().trajectory)
+      throw UsageError("the scene has no trajectory: name one with --trajectory");
+    recordings = {*scene.first().trajectory};
   }
   ForceChart result;
   {
@@ -204,11 +280,11 @@ int chart(Options options, const CLI::App& app) {
                          });
   }
   if (interrupted()) return 1;
-  print_chart(result);
+  print_chart(result, scene);
   if (!options.json.empty()) write_json(options.json, to_json(result, scene));
   if (!options.csv.empty()) write_file(options.csv, to_csv(result));
   if (!options.out.empty()) {
-    write_json(options.out + "/force_traces.json", traces_of(result));
+    write_json(options.out + "/force_traces.json", traces_of(result, scene));
     draw("plot_chart_force.py", options.json, options.out);
   }
   return 0;
@@ -220,17 +296,23 @@ Command add_chart_force(CLI::App& chart_app) {
   auto options = std::make_shared<Options>();
   CLI::App* app = chart_app.add_subcommand(
       "force", "Speed against accuracy of the force, for a scene along recorded motions, offline.");
-  app->add_option("scene", options->scene, "scene (default: config/scenes/stroke/stroke.yaml)");
+  app->add_option(
+      "scene", options->scene,
+      "scene (default: config/scenes/stroke/stroke.yaml; of several hands: two_hands/two_hands.yaml)");
+  app->add_option("--hands", options->hands, "the scene has so many instruments, and each has its own error")
+      ->check(CLI::Range(1, max_instruments));
   app->add_option(
       "--trajectory", options->recordings,
       "CSV recordings; the scene's own is mapped, others are fitted into the tissue (default: the "
       "scene's own)");
-  app->add_option("--table", options->table, "configurations (default: config/charts/force.yaml)");
+  app->add_option("--table", options->table,
+                  "configurations (default: config/charts/force.yaml; of several hands: force_hands.yaml)");
   app->add_option("--only", options->only, "only the configurations with these labels, and the default");
   app->add_option("--removals", options->settings.removals, "elements removed per 20 ms, a run for each")
       ->delimiter(',')
       ->capture_default_str();
-  app->add_option("--window", options->window_s, "seconds of each recording, from first contact")
+  app->add_option("--window", options->window_s,
+                  "seconds of each recording, from first contact; of several hands: of each window")
       ->check(CLI::Range(0.05, 60.0));
   app->add_option("--depth", options->depth_mm, "deepest overlap of a fitted recording [mm]")
       ->check(CLI::Range(0.01, 10.0))

@@ -96,4 +96,18 @@ ForceError force_error(const std::vector<OfflineTick>& run, const std::vector<Of
   return out;
 }
 
+std::vector<ForceError> force_errors(const HandTicks& run, const HandTicks& reference) {
+  std::vector<ForceError> hands;
+  for (int i = 0; i < max_instruments; ++i)
+    if (!reference[i].empty()) hands.push_back(force_error(run[i], reference[i]));
+  return hands;
+}
+
+ForceError worst(const std::vector<ForceError>& hands) {
+  const auto found =
+      std::max_element(hands.begin(), hands.end(),
+                       [](const ForceError& a, const ForceError& b) { return a.rms_rel < b.rms_rel; });
+  return found == hands.end() ? ForceError{} : *found;
+}
+
 }  // namespace hapticd

@@ -29,6 +29,10 @@ struct ForceError {
 
 ForceError force_error(const std::vector<OfflineTick>& run, const std::vector<OfflineTick>& reference);
 
+// Of each instrument that the reference has, and the one with the largest RMS of them.
+std::vector<ForceError> force_errors(const HandTicks& run, const HandTicks& reference);
+ForceError worst(const std::vector<ForceError>& hands);
+
 // One-sided power of the error under a Hann window, all components together, in bins of df.
 struct Spectrum {
   double df = 0;              // [Hz]

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "tools/offline/offline_run.h"
 
@@ -29,5 +30,17 @@ double rest_overlap(const Scene& scene, const Pose& X);
 
 OfflineInput motion_in_scene(const Scene& scene, const std::filesystem::path& file,
                              const WindowSettings& settings);
+
+// Part of the scene's own trajectories on their one time axis [s].
+struct ForceWindow {
+  std::string name;
+  double from = 0, to = 0;
+  bool removals = false;  // elements go by the instruments' own rules and pedals
+};
+
+// Each instrument along its own trajectory, mapped as the daemon maps it; one that overlaps the tissue at
+// rest where the window begins comes down to there first. Errors: InputError for an instrument without a
+// trajectory, or where one does not cover the window.
+OfflineInput motions_in_window(const Scene& scene, const ForceWindow& window);
 
 }  // namespace hapticd

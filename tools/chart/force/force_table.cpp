@@ -76,7 +76,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   if (y.has("contact")) c.contact = static_cast<Renewal>(y.choice("contact", {"frozen", "renewed"}));
   if (y.has("rendering"))
     c.options.rendering = static_cast<Rendering>(
-        y.choice("rendering", {"solved", "held", "extrapolated", "spring", "frozen_friction"}));
+        y.choice("rendering", {"solved", "held", "extrapolated", "spring", "frozen_friction", "alone"}));
   c.corotational = y.flag("corotational", true);
   c.friction = y.flag("friction", true);
   c.options.newest_pose = y.flag("newest_pose", true);
@@ -100,11 +100,18 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
 
 ForceTable read_force_table(const std::filesystem::path& file) {
   const YamlMap yaml = YamlMap::open(file);
-  yaml.only({"default", "finest", "configurations"});
+  yaml.only({"default", "finest", "windows", "configurations"});
   const YAML::Node raw = YAML::LoadFile(file.string());
   ForceTable table;
   table.default_label = yaml.text("default");
   if (raw["finest"]) table.finest = read_meshes(raw["finest"], yaml.folder());
+  for (const YamlMap& w : yaml.has("windows") ? yaml.maps("windows") : std::vector<YamlMap>{}) {
+    w.only({"name", "from", "to", "removals"});
+    constexpr NumberRange seconds{0, 3600, false, false, "lies between 0 and 3600 s"};
+    table.windows.push_back(
+        {w.text("name"), w.number("from", seconds), w.number("to", seconds), w.flag("removals", false)});
+    if (table.windows.back().to <= table.windows.back().from) throw w.error("to", "lies after 'from'");
+  }
   const std::vector<YamlMap> entries = yaml.maps("configurations");
   for (std::size_t i = 0; i < entries.size(); ++i) {
     ForceConfiguration c = read_configuration(entries[i], raw["configurations"][i]);

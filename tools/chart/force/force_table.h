@@ -2,6 +2,9 @@
 //
 //   default: exact                        the label that the others are judged against
 //   finest: {lens: lens_5k.msh}           meshes that are the truth in space, by body (may be absent)
+//   windows:                              of a scene with several instruments: parts of its own trajectories
+//     - {name: press, from: 4.6, to: 7.6}            [s]
+//     - {name: sculpt, from: 8, to: 10, removals: true}
 //   configurations:
 //     - {label: exact, quick: true}       every key but the label may be absent: the scene's own then
 //     - {label: at 100 Hz, rate: 100}
@@ -17,6 +20,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "tools/chart/force/force_motion.h"
 #include "tools/offline/offline_run.h"
 
 namespace hapticd {
@@ -39,6 +43,7 @@ struct ForceConfiguration {
 struct ForceTable {
   std::string default_label;
   MeshFiles finest;
+  std::vector<ForceWindow> windows;
   std::vector<ForceConfiguration> configurations;
 };
 

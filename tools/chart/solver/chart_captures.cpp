@@ -51,8 +51,9 @@ class Captures {
     report.solved = warm.status == SolveStatus::solved;
     report.residual_then = c.residual;
     report.residual = warm.residual;
-    const double force = std::max(warm.wrench.head<3>().norm(), c.wrench.head<3>().norm());
-    if (force > 0) report.wrench_difference = (warm.wrench - c.wrench).head<3>().norm() / force;
+    const double force = std::max(warm.wrench[0].head<3>().norm(), c.wrench[0].head<3>().norm());
+    if (force > 0)
+      report.wrench_difference = (warm.wrench[0] - c.wrench[0]).head<3>().norm() / force;
     report.penetration_um = 1e6 * warm.penetration;
     chart_.captures.push_back(report);
     if (report.rows > 0) solve_rows();
@@ -86,7 +87,7 @@ class Captures {
                         bool warm) {
     state.frozen_step = 0;
     const double begun = now_us();
-    const ContactSolution s = solve_contact(p.capture.problem, p.instrument, p.capture.X, p.capture.period,
+    const ContactSolution s = solve_contact(p.capture.problem, p.instruments, p.capture.X, p.capture.period,
                                             options, state, *scratch_);
     const double us = now_us() - begun;
     add({"solve_contact", scratch_->rows.rows_per_contact == 3, warm}, us, s.residual, s.active,

@@ -97,7 +97,7 @@ Scene make_scene(const std::string& kind, std::uint64_t seed) {
     if (kind == "badly_scaled") scale_badly(random, *scene.problem);
     scene.instrument.primitives = {flat_tip(random)};
   }
-  scene.problem->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+  scene.problem->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
   return scene;
 }
 
@@ -149,18 +149,18 @@ Felt feel(const std::string& kind, std::uint64_t seed, bool budget, double sidew
   device.max_speed = 10;
   const auto state = std::make_unique<HapticState>();
   HapticInput input;
-  input.presence.connected = true;
-  input.presence.new_client = true;
+  input.device[0].presence.connected = true;
+  input.device[0].presence.new_client = true;
   Felt felt;
   int run = 0;
   for (int t = -ticks_before; t < ticks; ++t) {
     input.now_ns = (1000 + ticks_before + t) * ms;
-    input.taken = true;
-    ++input.sample.sequence;
-    input.sample.received_ns = input.now_ns;
-    input.sample.enable = true;
-    input.sample.pose = stroke.at(t);
-    input.sample.pose.p.x() += sideways;
+    input.device[0].taken = true;
+    ++input.device[0].sample.sequence;
+    input.device[0].sample.received_ns = input.now_ns;
+    input.device[0].sample.enable = true;
+    input.device[0].sample.pose = stroke.at(t);
+    input.device[0].sample.pose.p.x() += sideways;
     scene.problem->published_ns = input.now_ns;
     const std::int64_t begun = monotonic_ns(), until = begun + options.solve_budget_ns;
     input.deadline = {};
@@ -170,9 +170,10 @@ Felt feel(const std::string& kind, std::uint64_t seed, bool budget, double sidew
         return *static_cast<const std::int64_t*>(end) - monotonic_ns();
       };
     }
-    const ForceSample f = haptic_step(scene.problem.get(), scene.instrument, device, options, input, *state);
+    const ForceSample f =
+        haptic_step(scene.problem.get(), scene.instrument, std::span(&device, 1), options, input, *state)[0];
     const std::int64_t ended = monotonic_ns();
-    input.presence.new_client = false;
+    input.device[0].presence.new_client = false;
     if (t < 0) continue;
     felt.force.push_back(f.force);
     felt.us.push_back(1e-3 * static_cast<double>(ended - begun));

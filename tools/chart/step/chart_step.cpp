@@ -43,7 +43,7 @@ class StepRun {
         times_(monotonic_ns) {
     scene_.compliance = of.method;
     scene_.bodies[0].corotational = of.corotational;
-    scene_.removal.rate = of.removals_per_s;
+    scene_.first().removal.rate = of.removals_per_s;
     WorldSettings settings = world_settings(scene_);
     settings.compliance_options.times = &times_;
     world_ = make_world(scene_, settings);

@@ -28,7 +28,7 @@ Scene lens_under_tip(const std::string& lens, double alarm_distance, double samp
 }
 
 TravellingTip::TravellingTip(const Scene& scene, const TipSettings& settings)
-    : settings_(settings), radius_(scene.instrument.primitives.at(scene.instrument.tip).radius) {
+    : settings_(settings), radius_(scene.first().shape.primitives.at(scene.first().shape.tip).radius) {
   const TetMesh& mesh = scene.bodies.at(0).mesh;
   const BoundarySurface boundary(mesh);
   for (const SurfaceFace& face : boundary.faces()) {

@@ -246,7 +246,7 @@ HertzResult hertz_by_bodies(double depth, int cells) {
   settings.h = 10;  // quasi-static
   settings.alarm_distance = 2e-3;
   settings.sample_spacing = 1e-3;
-  settings.coupling = {500, 0.05, 0};
+  settings.coupling[0] = {500, 0.05, 0};
   settings.body_contact.pairs = {{0, 1, 0}};
   Instrument none;
   none.primitives.resize(1);

@@ -21,8 +21,9 @@ export function nice(x) {
   return x;
 }
 
-// values: newest last, one each `step` seconds, NaN where there is none; seconds: how far back the axis goes.
-export function line(canvas, values, step, seconds, most, unit) {
+// series: of values, newest last, one each `step` seconds, NaN where there is none; behind: the newest one's age in
+// steps; seconds: how far back the axis goes.
+export function lines(canvas, series, step, seconds, most, unit) {
   const { g, w, h } = begin(canvas), left = 38, bottom = 16, top = 6;
   const y = v => top + (h - top - bottom) * (1 - v / most), x = age => w - (w - left) * age / seconds;
   g.strokeStyle = variable('--line');
@@ -42,20 +43,22 @@ export function line(canvas, values, step, seconds, most, unit) {
   g.fillText(`−${seconds} s`, left, h);
   g.textAlign = 'right';
   g.fillText(unit, w, h);
-  g.strokeStyle = variable('--accent');
   g.lineWidth = 1.4;
   g.lineJoin = 'round';
-  g.beginPath();
-  let drawing = false;
-  const n = values.length;
-  for (let i = 0; i < n; ++i) {
-    const age = (n - 1 - i) * step;
-    if (age > seconds || Number.isNaN(values[i])) { drawing = false; continue; }
-    if (drawing) g.lineTo(x(age), y(Math.min(values[i], most)));
-    else g.moveTo(x(age), y(Math.min(values[i], most)));
-    drawing = true;
+  for (const { values, behind, colour } of series) {
+    g.strokeStyle = colour;
+    g.beginPath();
+    let drawing = false;
+    const n = values.length;
+    for (let i = 0; i < n; ++i) {
+      const age = (n - 1 - i + behind) * step;
+      if (age > seconds || Number.isNaN(values[i])) { drawing = false; continue; }
+      if (drawing) g.lineTo(x(age), y(Math.min(values[i], most)));
+      else g.moveTo(x(age), y(Math.min(values[i], most)));
+      drawing = true;
+    }
+    g.stroke();
   }
-  g.stroke();
 }
 
 // counts in the bins of server/observe/health.h; begins: each bin's beginning [µs].

@@ -11,6 +11,8 @@ export class Hand {
     Object.assign(this, { stage, connection, whereIsTip, tissueTop });
     this.held = false;
     this.buttons = 0;
+    this.maps = new Map();  // of devices, into the scene
+    this.device = null;     // that a hand may be; null: not told yet
     $('hand-take').addEventListener('click', () => this.toggle());
     const canvas = stage.canvas;
     canvas.addEventListener('pointerdown', e => { if (this.held) this.drag = { x: e.clientX, y: e.clientY }; });
@@ -31,6 +33,7 @@ export class Hand {
   take(message) {
     $('hand').hidden = false;
     this.state = message.state;
+    this.device = message.device;
     const words = { arming: 'Arming …', holding: 'Drag moves the tip, wheel or W and S in depth, Space is the pedal.' };
     const said = message.failure || words[message.state] || 'Moves a simulated device with the mouse.';
     $('hand-says').innerHTML = '<span></span> <strong>Not a haptic device: nobody feels it.</strong>';
@@ -39,17 +42,17 @@ export class Hand {
   }
 
   setMap(health) {
-    if (!health.frame) return;
-    this.map = health;
-    this.frame = new THREE.Quaternion(...health.frame);
+    if (health.frame) this.maps.set(health.id, health);
   }
+  get map() { return this.maps.get(this.device); }
+  get frame() { return new THREE.Quaternion(...this.map.frame); }
 
   toggle() { this.held ? this.release() : this.begin(); }
   begin() {
     if (!this.map) return;
     this.held = true;
     this.since = performance.now();
-    this.target = this.whereIsTip() ?? this.tissueTop();
+    this.target = this.whereIsTip(this.device) ?? this.tissueTop(this.device);
     this.stage.controls.enabled = false;
     $('stage').classList.add('held');
     $('hand-take').setAttribute('aria-pressed', 'true');
@@ -79,7 +82,7 @@ export class Hand {
   // The scene's point in the device's frame (haptic/device.h).
   inDevice() {
     const { origin, position_scale } = this.map;
-    return this.target.clone().sub(new THREE.Vector3(...origin)).applyQuaternion(this.frame.clone().invert()).divideScalar(position_scale);
+    return this.target.clone().sub(new THREE.Vector3(...origin)).applyQuaternion(this.frame.invert()).divideScalar(position_scale);
   }
   confine() {
     const device = this.inDevice(), most = 0.95 * this.map.workspace;

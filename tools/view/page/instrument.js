@@ -1,9 +1,11 @@
-// The instrument as its primitives, the places where it touches, and the forces that it feels there.
+// An instrument as its primitives, the places where it touches, and the forces that it feels there; and all of a scene.
 import * as THREE from './vendor/three.module.min.js';
 import { STEEL, variable } from './colour.js';
 import { matter } from './material.js';
+import { PRESSED_TISSUE } from './protocol.js';
 
 const MOST_CONTACTS = 128;
+const TINT = 0.3;  // of an instrument's colour in its steel
 
 function primitive(shape, radius, half) {
   const geometry = shape === 0 ? new THREE.SphereGeometry(radius, 24, 16)
@@ -12,13 +14,13 @@ function primitive(shape, radius, half) {
   return geometry.rotateX(Math.PI / 2);  // three's length is along y, ours along z
 }
 
-export class Instrument {
-  constructor() {
+class Instrument {
+  constructor(accent) {
+    this.accent = accent;  // the name of a CSS variable
     this.group = new THREE.Group();
     this.body = new THREE.Group();
     this.steel = matter(STEEL, 0.22);
-    const accent = { color: 0x1f6fb2, depthTest: false, transparent: true };
-    this.ink = new THREE.MeshBasicMaterial(accent);
+    this.ink = new THREE.MeshBasicMaterial({ color: variable(accent) || 0x1f6fb2, depthTest: false, transparent: true });
     const unit = new THREE.CylinderGeometry(1, 1, 1, 10).translate(0, 0.5, 0);
     this.shafts = new THREE.InstancedMesh(unit, this.ink, MOST_CONTACTS + 1);
     this.heads = new THREE.InstancedMesh(new THREE.ConeGeometry(1, 1, 14).translate(0, 0.5, 0), this.ink, MOST_CONTACTS + 1);
@@ -32,8 +34,7 @@ export class Instrument {
     this.forces.add(this.shafts, this.heads, this.dots);
     this.group.add(this.body, this.forces);
     this.body.visible = false;
-    this.size = 0.01;
-    this.largest = 0;
+    this.total = new THREE.Vector3();
     this.part = 1;
     this.from = { p: new THREE.Vector3(), q: new THREE.Quaternion() };
     this.to = { p: new THREE.Vector3(), q: new THREE.Quaternion() };
@@ -54,8 +55,7 @@ export class Instrument {
     this.tip = list.length >= 10 ? list[1] : 0.001;
   }
 
-  setContacts({ instrument, contacts }, now, interval) {
-    const [x, y, z, qx, qy, qz, qw] = instrument;
+  setPose([x, y, z, qx, qy, qz, qw], now, interval) {
     // Nobody has moved it yet: it has no place.
     this.body.visible = !(x === 0 && y === 0 && z === 0 && qw === 1);
     this.from.p.copy(this.body.position);
@@ -67,22 +67,17 @@ export class Instrument {
     this.part = 0;
     this.began = now;
     this.interval = interval;
-    this.contacts = [];
-    for (let i = 0; i + 7 <= contacts.length && this.contacts.length < MOST_CONTACTS; i += 7)
-      this.contacts.push({
-        place: new THREE.Vector3(contacts[i], contacts[i + 1], contacts[i + 2]),
-        // On the tip: what a hand feels.
-        force: new THREE.Vector3(-contacts[i + 3], -contacts[i + 4], -contacts[i + 5]),
-      });
-    this.arrows();
   }
 
-  arrows() {
-    const total = new THREE.Vector3();
-    for (const c of this.contacts) total.add(c.force);
-    this.largest = Math.max(0.995 * this.largest, total.length(), 1e-4);
-    const scale = 0.42 * this.size / this.largest, m = new THREE.Matrix4(), q = new THREE.Quaternion();
-    const up = new THREE.Vector3(0, 1, 0), thin = 0.0042 * this.size;
+  setContacts(contacts) {
+    this.contacts = contacts.slice(0, MOST_CONTACTS);
+    this.total = this.contacts.reduce((sum, c) => sum.add(c.force), new THREE.Vector3());
+  }
+
+  // scale: metres per newton; size: of the scene.
+  arrows(scale, size) {
+    const m = new THREE.Matrix4(), q = new THREE.Quaternion(), total = this.total;
+    const up = new THREE.Vector3(0, 1, 0), thin = 0.0042 * size;
     let n = 0;
     const arrow = (place, force, thick) => {
       const length = scale * force.length();
@@ -102,7 +97,6 @@ export class Instrument {
     if (this.contacts.length > 1) arrow(this.to.p, total, 1.5 * thin);
     this.shafts.count = this.heads.count = n;
     for (const mesh of [this.shafts, this.heads, this.dots]) mesh.instanceMatrix.needsUpdate = true;
-    this.total = total;
   }
 
   advance(now) {
@@ -123,5 +117,84 @@ export class Instrument {
     return true;
   }
 
-  recolour() { this.ink.color.set(variable('--accent')); }
+  // tinted: one of several, to be told from the others.
+  recolour(tinted) {
+    this.ink.color.set(variable(this.accent));
+    const { r, g, b } = this.ink.color.getRGB({}, THREE.SRGBColorSpace), part = tinted ? TINT : 0;
+    this.steel.uniforms.own.value.fromArray([r, g, b].map((c, i) => STEEL[i] + part * (c - STEEL[i])));
+  }
+
+  dispose() {
+    this.setShape([]);
+    this.steel.dispose();
+    this.ink.dispose();
+    for (const mesh of [this.shafts, this.heads, this.dots]) { mesh.geometry.dispose(); mesh.dispose(); }
+  }
+}
+
+export const accentOf = i => i === 0 ? '--accent' : `--accent-${i + 1}`;
+
+// All of a scene, in its order; their forces have one scale.
+export class Instruments {
+  constructor() {
+    this.group = new THREE.Group();
+    this.list = [];
+    this.size = 0.01;
+    this.largest = 0;
+    this.setShapes([{ name: '', device: null, primitives: [] }]);
+  }
+
+  get first() { return this.list[0]; }
+  get contacts() { return this.list.flatMap(i => i.contacts); }
+  ofDevice(id) { return this.list.find(i => i.device === id) ?? this.first; }
+
+  setShapes(described) {
+    while (this.list.length > Math.max(described.length, 1)) {
+      const gone = this.list.pop();
+      this.group.remove(gone.group);
+      gone.dispose();
+    }
+    if (!described.length) this.first.setShape([]);
+    described.forEach(({ name, device, primitives }, i) => {
+      if (!this.list[i]) {
+        this.list.push(new Instrument(accentOf(i)));
+        this.list[i].forces.visible = this.first.forces.visible;
+        this.group.add(this.list[i].group);
+      }
+      Object.assign(this.list[i], { name, device });
+      this.list[i].setShape(primitives);
+    });
+  }
+
+  setContacts({ instruments, contacts, pressing }, now, interval) {
+    this.list.forEach((tool, i) => {
+      if (7 * i + 7 <= instruments.length) tool.setPose(instruments.subarray(7 * i, 7 * i + 7), now, interval);
+    });
+    const felt = this.list.map(() => []);
+    for (let c = 0; 7 * c + 7 <= contacts.length; ++c) {
+      const [x, y, z, fx, fy, fz] = contacts.subarray(7 * c, 7 * c + 6), [by, on] = pressing.subarray(2 * c, 2 * c + 2);
+      // On an instrument: what a hand feels.
+      felt[by]?.push({ place: new THREE.Vector3(x, y, z), force: new THREE.Vector3(-fx, -fy, -fz) });
+      if (on !== PRESSED_TISSUE) felt[on]?.push({ place: new THREE.Vector3(x, y, z), force: new THREE.Vector3(fx, fy, fz) });
+    }
+    this.list.forEach((tool, i) => tool.setContacts(felt[i]));
+    this.arrows();
+  }
+  clearContacts() {
+    for (const tool of this.list) tool.setContacts([]);
+    this.arrows();
+  }
+  arrows() {
+    this.largest = Math.max(0.995 * this.largest, ...this.list.map(i => i.total.length()), 1e-4);
+    for (const tool of this.list) tool.arrows(0.42 * this.size / this.largest, this.size);
+  }
+
+  advance(now) { return this.list.map(i => i.advance(now)).some(Boolean); }
+  // Whose device nobody holds; devices: as in a status.
+  ghosts(devices) {
+    const held = ({ device }) => ((devices.find(d => d.id === device) ?? (this.list.length > 1 ? null : devices[0]))?.status ?? 1) & 1;
+    return this.list.map(i => i.ghost(Boolean(held(i)))).some(Boolean);
+  }
+  showForces(on) { for (const tool of this.list) tool.forces.visible = on; }
+  recolour() { for (const tool of this.list) tool.recolour(this.list.length > 1); }
 }

@@ -3,7 +3,7 @@ import * as THREE from './vendor/three.module.min.js';
 import { CUT_FACE, LOOSE_PIECE, TISSUE, cividis, css, variable } from './colour.js';
 import { connect } from './connection.js';
 import { Hand } from './hand.js';
-import { Instrument } from './instrument.js';
+import { Instruments, accentOf } from './instrument.js';
 import { Stage } from './stage.js';
 import { Strip } from './strip.js';
 import { theme } from './theme.js';
@@ -14,13 +14,13 @@ const $ = id => document.getElementById(id);
 const LOOKS = ['solid', 'glass', 'hidden'];
 
 const stage = new Stage($('canvas'));
-const instrument = new Instrument();
+const tools = new Instruments();
 const strip = new Strip();
 const bodies = new Map();
 const counts = { states: 0, errors: [] };
-let scene = { bodies: [], instrument: [] };
+let scene = { bodies: [], instruments: [] };
 let connected = false, framed = false, wire = false, recorded = false;
-stage.scene.add(instrument.group);
+stage.scene.add(tools.group);
 
 window.addEventListener('error', e => counts.errors.push(e.message));
 
@@ -30,16 +30,19 @@ const connection = connect(take, now => {
 });
 const timeline = new Timeline(connection);
 const hand = new Hand(stage, connection,
-  () => instrument.body.visible ? instrument.to.p.clone() : null,
-  () => {
+  device => {
+    const held = tools.ofDevice(device);
+    return held.body.visible ? held.to.p.clone() : null;
+  },
+  device => {
     const box = bounds();
     const centre = box.getCenter(new THREE.Vector3());
-    return new THREE.Vector3(centre.x, centre.y, box.max.z + 2 * (instrument.tip ?? 0));
+    return new THREE.Vector3(centre.x, centre.y, box.max.z + 2 * (tools.ofDevice(device).tip ?? 0));
   });
 
 const recolour = () => {
   stage.recolour();
-  instrument.recolour();
+  tools.recolour();
   const dark = document.documentElement.dataset.theme === 'dark';
   for (const body of bodies.values()) { body.onDark(dark); body.wireframe(wire, variable('--ink')); }
   strip.dirty = true;
@@ -63,11 +66,11 @@ function take(message) {
       break;
     }
     case 'contacts':
-      instrument.setContacts(message, now, [...bodies.values()].find(b => b.to)?.interval ?? 40);
+      tools.setContacts(message, now, [...bodies.values()].find(b => b.to)?.interval ?? 40);
       break;
     case 'status':
       strip.takeStatus(message);
-      if (instrument.ghost(Boolean((message.devices[0]?.status ?? 1) & 1))) stage.touch();
+      if (tools.ghosts(message.devices)) stage.touch();
       name(message);
       banner();
       return;
@@ -96,7 +99,8 @@ function takeScene(message) {
     stage.scene.add(body.group);
     body.colour($('colour').value);
   }
-  instrument.setShape(message.instrument);
+  tools.setShapes(message.instruments);
+  tools.ghosts(strip.status.devices);
   strip.takeScene(message);
   buttons();
   size();
@@ -110,7 +114,7 @@ function bounds() {
   const box = new THREE.Box3();
   const soft = [...bodies.values()].filter(b => b.info.deformable);
   for (const body of soft.length ? soft : bodies.values()) box.union(body.box());
-  instrument.size = box.getSize(new THREE.Vector3()).length();
+  tools.size = box.getSize(new THREE.Vector3()).length();
   return box;
 }
 
@@ -121,7 +125,7 @@ function banner() {
     : !strip.status.daemon && !recorded ? 'Disconnected: no daemon is heard' : '';
   $('banner').hidden = !text;
   $('banner').textContent = text;
-  if (text) { instrument.contacts = []; instrument.arrows(); stage.touch(); }
+  if (text) { tools.clearContacts(); stage.touch(); }
 }
 function name(status) {
   const of = status.devices[0]?.scene;
@@ -177,7 +181,9 @@ function legend() {
     map.append(canvas, ends);
     list.append(map);
   }
-  key(variable('--accent'), 'force on the tip');
+  const several = scene.instruments.length > 1;
+  (several ? scene.instruments : [null]).forEach((of, i) =>
+    key(variable(accentOf(i)), several ? `force on ${of.name}` : 'force on the tip'));
 }
 function legendMost() {
   const most = $('legend-most');
@@ -197,7 +203,7 @@ $('wireframe').addEventListener('click', () => toggle('wireframe', on => {
   wire = on;
   for (const body of bodies.values()) body.wireframe(on, variable('--ink'));
 }));
-$('forces').addEventListener('click', () => toggle('forces', on => { instrument.forces.visible = on; }));
+$('forces').addEventListener('click', () => toggle('forces', on => tools.showForces(on)));
 $('reset').addEventListener('click', () => { if (ready()) stage.frameBox(bounds(), all()); });
 $('colour').addEventListener('change', () => {
   for (const body of bodies.values()) body.colour($('colour').value);
@@ -241,20 +247,25 @@ document.addEventListener('visibilitychange', () => { if (document.hidden && han
 stage.onFrame = now => {
   let moved = false;
   for (const body of bodies.values()) moved = body.advance(now) || moved;
-  moved = instrument.advance(now) || moved;
+  moved = tools.advance(now) || moved;
   if (moved) legendMost();
   strip.draw(now);
   return moved;
 };
 
+const largest = values => Math.max(0, ...values.filter(v => !Number.isNaN(v)));
+
 // For tests and for whoever is curious.
 window.hapticView = {
-  stage, strip, timeline, hand, instrument, bodies,
+  stage, strip, timeline, hand, tools, bodies,
+  get instrument() { return tools.first; },
   figures: () => ({
     connected, daemon: strip.status.daemon, states: counts.states, frames: stage.frames, errors: counts.errors,
     ratio: stage.ratio, removed: [...bodies.values()].reduce((n, b) => n + b.removed, 0),
     triangles: [...bodies.values()].reduce((n, b) => n + b.triangles(), 0),
     cut: [...bodies.values()].reduce((n, b) => n + b.cutTriangles(), 0),
-    blocks: strip.blocks, force: Math.max(0, ...strip.force.filter(v => !Number.isNaN(v))), contacts: instrument.contacts.length,
+    blocks: strip.blocks, force: largest(strip.force), contacts: tools.contacts.length,
+    tools: tools.list.map(i => ({ name: i.name, device: i.device, shown: i.body.visible, held: !i.steel.transparent, contacts: i.contacts.length })),
+    traces: strip.traces().map(t => ({ id: t.id, name: t.name, force: largest(t.force), blocks: t.blocks })),
   }),
 };

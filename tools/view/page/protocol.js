@@ -18,11 +18,16 @@ export function decode(buffer) {
       };
     case 3:
       return { kind: 'motion', body, time, nodes: floats(HEAD, 3 * count), strain: floats(HEAD + 12 * count, count) };
-    case 4:
-      return { kind: 'contacts', time, instrument: floats(HEAD, 7), contacts: floats(HEAD + 28, 7 * count) };
+    case 4: {
+      const tools = view.getUint32(12, true), behind = HEAD + 28 * (tools + count);
+      return {
+        kind: 'contacts', time, instruments: floats(HEAD, 7 * tools), contacts: floats(HEAD + 28 * tools, 7 * count),
+        pressing: new Uint8Array(buffer, behind, 2 * count),
+      };
+    }
     default:
       throw new Error(`a message of unknown kind ${kind}: page and haptic view are of different versions`);
   }
 }
 
-export const CUT = 1, LOOSE = 2;
+export const CUT = 1, LOOSE = 2, PRESSED_TISSUE = 255;

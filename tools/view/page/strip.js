@@ -1,6 +1,7 @@
 // The side strip: what the loops say of themselves, in words and small charts.
-import { bar, histogram, line, nice, percentile } from './charts.js';
-import { cividis, css } from './colour.js';
+import { bar, histogram, lines, nice, percentile } from './charts.js';
+import { cividis, css, variable } from './colour.js';
+import { accentOf } from './instrument.js';
 
 const $ = id => document.getElementById(id);
 const SECONDS = 10, BLOCK_S = 0.01, WINDOW_MS = 10000;
@@ -22,45 +23,15 @@ const us = x => Number.isNaN(x) ? '–' : x < 100 ? x.toFixed(0) : String(Number
 const rows = list => list.map(([k, v]) => `<dt>${k}</dt><dd>${v}</dd>`).join('');
 const escape = text => String(text).replace(/[&<>"]/g, c => `&#${c.charCodeAt(0)};`);
 
-export class Strip {
+// The newest ten seconds of a device's force, a value each block.
+class Trace {
   constructor() {
     this.force = [];
     this.blocks = 0;
-    this.past = [];  // of counts, for a live histogram
-    this.health = new Map();
-    this.status = { daemon: false, devices: [] };
-    this.chosen = null;
-    this.bodies = [];
-  }
-
-  takeStatus(status) {
-    this.status = status;
-    if (!status.devices.some(d => d.id === this.chosen)) this.chosen = status.devices[0]?.id ?? null;
-    if (!status.daemon) this.clear();
-    this.words();
-  }
-  takeScene(scene) { this.bodies = scene.bodies; }
-  takeHealth(health) {
-    this.health.set(health.id, health);
-    if (this.chosen === null) this.chosen = health.id;
-    if (health.id !== this.chosen) return;
-    this.takeForce(health);
-    if (health.wake) this.takeCounts(health);
-    document.body.classList.toggle('recorded', !health.wake);
-    this.words();
-    this.dirty = true;
-  }
-
-  clear() {
-    this.force = [];
-    this.blocks = 0;
-    this.past = [];
-    this.health.clear();
-    this.dirty = true;
   }
 
   // Each message has the newest second: what one that was skipped had, the next has too.
-  takeForce({ blocks, force }) {
+  take({ blocks, force }) {
     if (blocks < this.blocks) this.force = [];  // begun anew, or gone back
     const n = force.length / 4, have = blocks < this.blocks ? 0 : this.blocks;
     let fresh = Math.min(blocks - have, n);
@@ -71,6 +42,85 @@ export class Strip {
     if (this.force.length > most) this.force.splice(0, this.force.length - most);
     this.blocks = blocks;
   }
+  get newest() { return this.force.findLast(v => !Number.isNaN(v)) ?? 0; }
+}
+
+export class Strip {
+  constructor() {
+    this.trace = new Map();  // by device
+    this.past = [];  // of counts, for a live histogram
+    this.health = new Map();
+    this.status = { daemon: false, devices: [] };
+    this.chosen = null;
+    this.bodies = [];
+    this.instruments = [];
+    $('devices').addEventListener('click', e => {
+      const id = e.target.closest('[data-device]')?.dataset.device;
+      if (id !== undefined) this.choose(Number(id));
+    });
+  }
+
+  // Of the chosen device.
+  get force() { return this.trace.get(this.chosen)?.force ?? []; }
+  get blocks() { return this.trace.get(this.chosen)?.blocks ?? 0; }
+
+  // What the charts and words are about; the forces are all devices'.
+  choose(id) {
+    this.picked = true;
+    if (id === this.chosen) return;
+    this.chosen = id;
+    this.past = [];
+    this.words();
+    this.dirty = true;
+  }
+  choice(devices) {
+    const first = this.instruments[0]?.device;
+    return devices.some(d => d.id === first) ? first : devices[0]?.id ?? null;
+  }
+
+  // The devices of the world that is shown; of one alone, the chosen one.
+  traces() {
+    const shown = this.instruments.length > 1 ? this.instruments : [{ device: this.chosen, name: '' }];
+    return shown.map(({ device, name }, i) => ({
+      id: device, name, colour: variable(accentOf(i)),
+      force: this.trace.get(device)?.force ?? [], blocks: this.trace.get(device)?.blocks ?? 0,
+      newest: this.trace.get(device)?.newest ?? 0,
+    }));
+  }
+
+  takeStatus(status) {
+    this.status = status;
+    if (!status.devices.some(d => d.id === this.chosen)) this.chosen = this.choice(status.devices);
+    if (!status.daemon) this.clear();
+    this.words();
+  }
+  takeScene(scene) {
+    this.bodies = scene.bodies;
+    this.instruments = scene.instruments;
+    if (!this.picked) this.chosen = this.choice(this.status.devices);
+    this.words();
+    this.dirty = true;
+  }
+  takeHealth(health) {
+    this.health.set(health.id, health);
+    this.chosen ??= this.instruments[0]?.device ?? health.id;
+    if (!this.trace.has(health.id)) this.trace.set(health.id, new Trace());
+    this.trace.get(health.id).take(health);
+    this.dirty = true;
+    if (health.id !== this.chosen) return;
+    if (health.wake) this.takeCounts(health);
+    document.body.classList.toggle('recorded', !health.wake);
+    this.words();
+  }
+
+  clear() {
+    this.picked = false;
+    this.trace.clear();
+    this.past = [];
+    this.health.clear();
+    this.dirty = true;
+  }
+
   takeCounts({ wake, solve }) {
     const now = performance.now();
     const before = this.past.at(-1);
@@ -88,10 +138,16 @@ export class Strip {
     if (!this.dirty || now - (this.drawn ?? -1e9) < 90) return;
     this.dirty = false;
     this.drawn = now;
-    const seen = this.force.filter(v => !Number.isNaN(v));
-    const newest = seen.at(-1) ?? 0;
-    line($('force-chart'), this.force, BLOCK_S, SECONDS, nice(Math.max(...seen, 0.05) * 1.05), 'N, largest in 10 ms');
-    $('force-now').textContent = `${newest.toFixed(3)} N`;
+    const traces = this.traces(), blocks = Math.max(...traces.map(t => t.blocks));
+    const largest = Math.max(0.05, ...traces.flatMap(t => t.force).filter(v => !Number.isNaN(v)));
+    lines($('force-chart'), traces.map(t => ({ values: t.force, behind: blocks - t.blocks, colour: t.colour })),
+      BLOCK_S, SECONDS, nice(largest * 1.05), 'N, largest in 10 ms');
+    const several = traces.length > 1;
+    $('force-of').textContent = several ? 'Force on the devices' : 'Force on the device';
+    $('force-now').textContent = several ? '' : `${traces[0].newest.toFixed(3)} N`;
+    $('force-traces').innerHTML = !several ? '' : traces.map(t =>
+      `<li><i></i>${escape(t.name)}<b>${t.newest.toFixed(3)} N</b></li>`).join('');
+    document.querySelectorAll('#force-traces i').forEach((e, i) => { e.style.background = traces[i].colour; });
     for (const name of ['wake', 'solve']) {
       const counts = this.recent(name);
       if (!counts.length) continue;
@@ -140,9 +196,13 @@ export class Strip {
         ['passivity', health.energy_least < -5e-6 ? `made ${(-1000 * health.energy_least).toFixed(2)} mJ` : 'kept']);
     if (device.refused) safety.push(['real time', `without ${escape(device.refused)}`]);
     $('safety').innerHTML = rows(safety);
+    const several = this.status.devices.length > 1;
     $('devices').innerHTML = this.status.devices.map(d => {
       const name = this.health.get(d.id)?.device || 'device';
-      return `<li><span>${escape(name)} · id ${d.id}</span>${d.status & 1 ? 'disarmed' : 'connected'}</li>`;
+      const held = this.instruments.length > 1 && this.instruments.find(i => i.device === d.id);
+      const words = `${held ? `${escape(held.name)} · ` : ''}${escape(name)} · id ${d.id}`;
+      const choice = several ? `<button data-device="${d.id}" aria-pressed="${d.id === this.chosen}">${words}</button>` : `<span>${words}</span>`;
+      return `<li>${choice}${d.status & 1 ? 'disarmed' : 'connected'}</li>`;
     }).join('');
   }
 }

@@ -34,7 +34,7 @@ struct Pressed {
     sheet.friction = 0.3;
     problem = sheet_problem(random, sheet);
     problem->renewal = Renewal::renewed;
-    problem->coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+    problem->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
     options.margin = 0.1e-3;
     move(0);
   }
@@ -78,7 +78,7 @@ TEST(ContactBench, DISABLED_AssemblyOfW) {
   const auto n = static_cast<Eigen::Index>(std::cbrt(flops / 2) + 0.5);
   const MatX A = MatX::Random(n, n), B = MatX::Random(n, n);
   MatX C(n, n);
-  const Vec6 K_inv = inverse_stiffness(p.problem->coupling, 1e-3);
+  const Vec6 K_inv = inverse_stiffness(p.problem->instrument[0].coupling, 1e-3);
   Figures f;
   for (int k = 0; k < 300; ++k)
     f.take(us_of([&] { assemble_delassus(*p.problem, K_inv, p.scratch->rows); }),

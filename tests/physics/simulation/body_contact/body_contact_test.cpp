@@ -98,7 +98,7 @@ TEST(BodyContact, NewtonsThirdLawOverAllBodies) {
     if (size > 0) worst = std::max(worst, sum.norm() / size);
     touching += r.body_contact.active > 0;
     // The instrument's force is all that the bodies gain together.
-    const Vec3 gained = (momentum() - before) / 0.02, given = -r.contact.wrench.head<3>();
+    const Vec3 gained = (momentum() - before) / 0.02, given = -r.contact.wrench[0].head<3>();
     before = momentum();
     largest = std::max(largest, given.norm());
     if (r.contact.active == 0) worst_momentum = std::max(worst_momentum, gained.norm());
@@ -144,7 +144,7 @@ struct Stack {
     WorldSettings s = contact_world({});
     if (contacts) s.body_contact.pairs = {{0, 1, mu}};
     if (gravity) s.gravity = Vec3(0, 0, -g);
-    s.removal = {400, 2e-4, 0, 0};
+    s.removal[0] = {400, 2e-4, 0, 0};
     BodySettings lower = block("lower", Vec3(0.012, 0.012, 6e-3), {4, 4, 3}, {10e3, 0.4, 1000, 0, 2e-3});
     lower.fixed_nodes = lower.mesh.group("bottom")->nodes;
     lower.removable = true;
@@ -165,7 +165,7 @@ TEST(BodyContact, WhatIsPressedOnAnotherBodyPressesItWithWeightAndForce) {
     r = stack.step(at(Vec3(6e-3, 6e-3, 0.01 + 2e-3 - depth)));
     EXPECT_LE(r.body_contact.penetration, 1e-6);
   }
-  const double weight = mass_of(stack.world->bodies()[0]) * g, pressed = r.contact.wrench.z();
+  const double weight = mass_of(stack.world->bodies()[0]) * g, pressed = r.contact.wrench[0].z();
   EXPECT_GT(pressed, 1e-3);
   EXPECT_NEAR(-stack.world->contacts().force_on(1).z(), weight + pressed, 1e-5 * (weight + pressed));
   EXPECT_LT(fastest_node(stack.world->bodies()[0]), 1e-5);
@@ -188,17 +188,17 @@ TEST(BodyContact, CondensedProblemAgainstTheFullOne) {
     const auto haptic = [&](const InstrumentSample& sample) {
       ContactState state;
       for (int k = 0; k < 3; ++k)
-        solve_contact(stack.problem, stack.world->instrument(), sample.pose, 0.02, options, state, *scratch);
-      return solve_contact(stack.problem, stack.world->instrument(), sample.pose, 0.02, options, state,
+        solve_contact(stack.problem, stack.world->instruments(), sample.pose, 0.02, options, state, *scratch);
+      return solve_contact(stack.problem, stack.world->instruments(), sample.pose, 0.02, options, state,
                            *scratch);
     };
-    const double peak = r.contact.wrench.head<3>().norm();
-    EXPECT_NEAR(haptic(place(8e-4)).wrench.z(), r.contact.wrench.z(), 1e-5 * peak);
+    const double peak = r.contact.wrench[0].head<3>().norm();
+    EXPECT_NEAR(haptic(place(8e-4)).wrench[0].z(), r.contact.wrench[0].z(), 1e-5 * peak);
     for (const double moved : {1e-5, 1e-4, 2e-4, 4e-4})
       for (const bool sideways : {false, true}) {
         const InstrumentSample sample = sideways ? place(8e-4, moved) : place(8e-4 + moved);
-        const Vec3 full = stack.world->solve_unfrozen(sample, stack.problem).wrench.head<3>();
-        const Vec3 condensed = haptic(sample).wrench.head<3>();
+        const Vec3 full = stack.world->solve_unfrozen(sample, stack.problem).wrench[0].head<3>();
+        const Vec3 condensed = haptic(sample).wrench[0].head<3>();
         const double error = (condensed - full).norm() / full.norm();
         std::printf("  mu %.1f, moved %3.0f um %s: condensed off by %.2e of %.3f mN\n", mu, 1e6 * moved,
                     sideways ? "sideways" : "deeper  ", error, 1e3 * full.norm());
@@ -214,7 +214,7 @@ TEST(BodyContact, BodiesThatDoNotTouchMoveBitForBitAsIfTheyCouldNot) {
   for (int i = 0; i < 20; ++i) {
     const auto sample = at(Vec3(6e-3 + 1e-4 * i, 6e-3, 0.012 + 2e-3 - 2e-5 * i));
     const StepReport a = with.step(sample), b = without.step(sample);
-    EXPECT_EQ(a.contact.wrench, b.contact.wrench);
+    EXPECT_EQ(a.contact.wrench[0], b.contact.wrench[0]);
     for (int body = 0; body < 2; ++body)
       EXPECT_EQ(with.world->bodies()[body].state.x, without.world->bodies()[body].state.x) << i;
     EXPECT_EQ(MatX(with.problem.C()), MatX(without.problem.C()));

@@ -40,13 +40,13 @@ TEST(InstrumentMotion, ADeviceThatWasAwayBeginsAtRest) {
   motion.follow(at(0, 5), h);
   motion.follow({}, h);
   EXPECT_FALSE(motion.present());
-  EXPECT_FALSE(motion.is_at({}));
+  EXPECT_FALSE(motion.is_at(at(0, 0)));
   motion.follow(at(1, 5.04), h);
   EXPECT_TRUE(motion.present());
   EXPECT_TRUE(motion.twist().isZero(0));
   EXPECT_TRUE(motion.predictor().in(3, 1).isZero(0));
-  EXPECT_TRUE(motion.is_at(at(1, 0).pose));
-  EXPECT_FALSE(motion.is_at(at(1 + 1e-12, 0).pose));
+  EXPECT_TRUE(motion.is_at(at(1, 0)));
+  EXPECT_FALSE(motion.is_at(at(1 + 1e-12, 0)));
 }
 
 }  // namespace

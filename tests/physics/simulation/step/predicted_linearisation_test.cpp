@@ -118,8 +118,8 @@ WorldSettings settings(double lead) {
   s.h = h;
   s.alarm_distance = 3e-3;
   s.sample_spacing = 1e-3;
-  s.coupling = {500, 0.05, 0};
-  s.removal = {50, 5e-4, 1e-3, 50};
+  s.coupling[0] = {500, 0.05, 0};
+  s.removal[0] = {50, 5e-4, 1e-3, 50};
   s.lead = lead;
   return s;
 }
@@ -141,7 +141,7 @@ Vec3 settled(World& world, int steps, CondensedProblem& problem) {
           return InstrumentSample{{Vec3(0.01, 0.01, 0.0215), Quat::Identity()}, true};
         },
         problem);
-  return report.contact.wrench.head<3>();
+  return report.contact.wrench[0].head<3>();
 }
 
 class Lead : public testing::TestWithParam<ComplianceMethod> {};

@@ -22,7 +22,7 @@ class PressedWorld : public testing::Test {
     s.h = h;
     s.alarm_distance = 3e-3;
     s.sample_spacing = 1e-3;
-    s.coupling = {500, 0.05, 0};
+    s.coupling[0] = {500, 0.05, 0};
     s.lead = 0.9 * h;
     Instrument instrument;
     Primitive tip;
@@ -72,7 +72,7 @@ TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
     for (int i = 0; i < 40; ++i) report = step(*w);
     EXPECT_EQ(published, 0);
     EXPECT_FALSE(report.interim);
-    const Vec3 before = report.contact.wrench.head<3>();
+    const Vec3 before = report.contact.wrench[0].head<3>();
     EXPECT_GT(before.z(), 1e-3);
     const std::uint64_t last = first->step;
 
@@ -100,8 +100,8 @@ TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
     options.linearisations = 8;
     options.margin = contact_margin * 3e-3;
     const Vec3 interim =
-        solve_contact(*first, w->instrument(), sample().pose, h, options, state, *scratch).wrench.head<3>();
-    const Vec3 own = report.contact.wrench.head<3>();
+        solve_contact(*first, w->instruments(), sample().pose, h, options, state, *scratch).wrench[0].head<3>();
+    const Vec3 own = report.contact.wrench[0].head<3>();
     EXPECT_LT((interim - own).norm(), (corotational ? 1e-2 : 1e-3) * own.norm());
     EXPECT_GT((before - own).norm(), 0.05 * before.norm()) << "it was worth an interim problem";
     EXPECT_FALSE(step(*w).interim);
@@ -166,7 +166,7 @@ TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
     options.linearisations = 8;
     options.margin = contact_margin * 3e-3;
     return Vec3(
-        solve_contact(problem, w->instrument(), moved.pose, h, options, state, *scratch).wrench.head<3>());
+        solve_contact(problem, w->instruments(), moved.pose, h, options, state, *scratch).wrench[0].head<3>());
   };
   const Vec3 once = force(*refreshed);
   const double change = (once - force(*second)).norm();

@@ -40,7 +40,7 @@ class Carving : public testing::Test {
 
 // 125 a second at 50 Hz are 2.5 a step: five in two steps, after the first whole one.
 TEST_F(Carving, ElementsGoAtTheRate) {
-  RemovalStage stage({.rate = 125, .stroke = 1e-4}, h, 1);
+  RemovalStage stage(RemovalSettings{.rate = 125, .stroke = 1e-4}, h, 1);
   std::vector<int> per_step;
   for (int i = 0; i < 4; ++i) per_step.push_back(remove(stage, inside).tets);
   EXPECT_EQ(per_step, (std::vector<int>{2, 3, 2, 3}));
@@ -51,13 +51,13 @@ TEST_F(Carving, ElementsGoAtTheRate) {
 }
 
 TEST_F(Carving, ATipInTheOpenSavesNothingUp) {
-  RemovalStage stage({.rate = 125, .stroke = 1e-4}, h, 1);
+  RemovalStage stage(RemovalSettings{.rate = 125, .stroke = 1e-4}, h, 1);
   for (int i = 0; i < 100; ++i) EXPECT_EQ(remove(stage, outside).tets, 0);
   EXPECT_LE(remove(stage, inside).tets, 3);
 }
 
 TEST_F(Carving, WhatWasScheduledGoesOnceWhateverTheTipDoes) {
-  RemovalStage stage({.rate = 125, .stroke = 1e-4}, h, 1);
+  RemovalStage stage(RemovalSettings{.rate = 125, .stroke = 1e-4}, h, 1);
   bodies[0].asleep = bodies[0].free.ahead = true;
   stage.schedule(0, {1, 5, 5});
   const Removed removed = remove(stage, {});

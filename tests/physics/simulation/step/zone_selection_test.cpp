@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <numbers>
 
 #include "tests/support/mesh_shapes.h"
 
@@ -29,13 +30,13 @@ class ZoneSelection : public testing::Test {
     return b;
   }
   ZoneRequest request(bool made_elsewhere) const {
-    return {instrument, predictor, &X, alarm_distance, made_elsewhere, 2, {}, {}, {}};
+    return {instrument, motion, X, alarm_distance, made_elsewhere, 2, {}, {}, {}};
   }
   double gap(int n) const { return (body.state.x[n] - X.p).norm() - radius; }
 
   Body body;
   Instrument instrument;
-  PosePredictor predictor;
+  InstrumentMotions motion;
   Pose X;
 };
 
@@ -60,7 +61,7 @@ TEST_F(ZoneSelection, WhatIsNamedComesFirstAndContactsAreNeeded) {
   r.first = first;
   r.needed = needed;
   r.contact_nodes = contacts;
-  r.X = nullptr;
+  r.X = {};
   const Zone zone = select_zone(body, r);
   EXPECT_EQ(zone.nodes, (std::vector<int>{0, 1, 2}));
   EXPECT_EQ(zone.needed, (std::vector<int>{1, 2}));
@@ -73,8 +74,44 @@ TEST_F(ZoneSelection, OfAFactorMadeElsewhereItIsAheadOfTheInstrument) {
     for (const int n : zone.nodes) sum += body.rest[n].x();
     return sum / static_cast<double>(zone.nodes.size());
   };
-  for (int i = -8; i <= 0; ++i) predictor.follow(X.p + 0.5e-3 * i * Vec3::UnitX());
+  for (int i = -8; i <= 0; ++i) {
+    const Pose there{X.p + 0.5e-3 * i * Vec3::UnitX(), X.q};
+    motion.follow(InstrumentSample{there, true}, 0.02);
+  }
   EXPECT_GT(mean_x(select_zone(body, request(true))), mean_x(select_zone(body, request(false))) + 1e-3);
+}
+
+// A rod sunk along the whole block would fill the zone; what the tip beside it needs is in it all the same.
+TEST(ZoneOfTwo, HasWhatBothNeedWhereOneAloneWouldFillIt) {
+  BodySettings settings{"block", true, box_mesh(Vec3(0.02, 0.02, 0.02), 16, 16, 16), {5000, 0.4, 1000, 5, 0.002}, {}, 0, true};
+  const Body body(std::move(settings), 0.02, Vec3::Zero());
+  Primitive rod, tip;
+  rod.shape = Shape::capsule;
+  rod.radius = radius;
+  rod.half_length = 0.01;
+  rod.placement.q = Quat(Eigen::AngleAxisd(0.5 * std::numbers::pi, Vec3::UnitY()));
+  tip.shape = Shape::sphere;
+  tip.radius = 1e-3;
+  std::vector<Instrument> instruments(2);
+  instruments[0].primitives = {rod};
+  instruments[1].primitives = {tip};
+  InstrumentMotions motion;
+  const auto zone_of = [&](bool first, bool second) {
+    InstrumentPoses X;
+    X[0].p = Vec3(0.01, 0.004, 0.019);
+    X[1].p = Vec3(0.01, 0.016, 0.021);
+    X.present[0] = first;
+    X.present[1] = second;
+    return select_zone(body, {instruments, motion, X, alarm_distance, false, 2, {}, {}, {}});
+  };
+  const Zone one = zone_of(true, false), other = zone_of(false, true), both = zone_of(true, true);
+  EXPECT_EQ(one.nodes.size(), 200u);
+  ASSERT_GT(other.needed.size(), 10u);
+  for (const int n : other.needed) {
+    EXPECT_TRUE(has(both.nodes, n));
+    EXPECT_TRUE(has(both.needed, n));
+  }
+  EXPECT_EQ(both.nodes.size(), 200u);
 }
 
 }  // namespace

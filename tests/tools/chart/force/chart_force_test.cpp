@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <numbers>
+#include <stdexcept>
 
 #include <unistd.h>
 
@@ -68,6 +69,21 @@ TEST(ForceErrors, ATonePutsItsPowerWhereItIs) {
   }
 }
 
+// A hand whose force is small is not hidden by the other's.
+TEST(ForceErrors, OfSeveralHandsEachIsItsOwnPeaksShare) {
+  HandTicks reference, run;
+  reference[0] = ticks(100, [](double) { return 2.0; });
+  reference[1] = ticks(100, [](double) { return 0.1; });
+  run[0] = ticks(100, [](double) { return 2.02; });
+  run[1] = ticks(100, [](double) { return 0.12; });
+  const std::vector<ForceError> hands = force_errors(run, reference);
+  ASSERT_EQ(hands.size(), 2u);
+  EXPECT_NEAR(hands[0].rms_rel, 0.01, 1e-12);
+  EXPECT_NEAR(hands[1].rms_rel, 0.2, 1e-12);
+  EXPECT_EQ(worst(hands).rms_rel, hands[1].rms_rel);
+  EXPECT_EQ(worst({}).rms_rel, 0);
+}
+
 TEST(ForceChart, TheFrontIsWhatNothingBeats) {
   const auto point = [](double cost, double error, bool converged) {
     ForcePoint p;
@@ -124,6 +140,10 @@ TEST_F(ForceTableFile, NamesItsFaults) {
   EXPECT_THROW(read("default: a\nconfigurations:\n  - {label: a}\n  - {label: a}\n"), InputError);
   EXPECT_THROW(read("default: a\nconfigurations:\n  - {label: a, complience: zone}\n"), InputError);
   EXPECT_THROW(read("default: a\nconfigurations:\n  - {label: a, rate: 0}\n"), InputError);
+  const std::string configurations = "\ndefault: a\nconfigurations: [{label: a}]\n";
+  EXPECT_EQ(read("windows: [{name: w, from: 1, to: 2, removals: true}]" + configurations).windows.size(), 1u);
+  EXPECT_THROW(read("windows: [{name: w, from: 2, to: 1}]" + configurations), InputError);
+  EXPECT_THROW(read("windows: [{name: w, from: 1}]" + configurations), InputError);
 }
 
 TEST(ForceTable, TheShippedOneIsRight) {
@@ -141,11 +161,11 @@ TEST(ForceMotion, AStrangersRecordingIsFittedIntoTheTissue) {
   settings.depth = 0.2e-3;
   const OfflineInput input = motion_in_scene(scene, SOURCE_DIR "/config/scenes/cube/press.csv", settings);
   double deepest = -1;
-  for (const TrajectorySample& s : input.motion.samples)
+  for (const TrajectorySample& s : input.motion[0].samples)
     deepest = std::max(deepest, rest_overlap(scene, s.pose));
   EXPECT_NEAR(deepest, 0.2e-3, 1e-6);
-  EXPECT_LE(rest_overlap(scene, sample_at(input.motion, input.from)), 0);
-  EXPECT_GT(rest_overlap(scene, sample_at(input.motion, input.from + 2 * settings.lead)), 0);
+  EXPECT_LE(rest_overlap(scene, sample_at(input.motion[0], input.from)), 0);
+  EXPECT_GT(rest_overlap(scene, sample_at(input.motion[0], input.from + 2 * settings.lead)), 0);
 }
 
 // One that never leaves the tissue is come down to: put there at once, what friction holds would be chance.
@@ -156,10 +176,68 @@ TEST(ForceMotion, ARecordingThatBeginsInTheTissueIsApproached) {
   const OfflineInput input = motion_in_scene(scene, file, {});
   fs::remove(file);
   EXPECT_EQ(input.from, 0);
-  Pose X = sample_at(input.motion, input.from);
+  Pose X = sample_at(input.motion[0], input.from);
   EXPECT_GT(rest_overlap(scene, X), 0.2e-3);
-  X.p.z() += input.approach;
+  X.p.z() += input.approach[0];
   EXPECT_LT(rest_overlap(scene, X), 0);
+}
+
+class HandsScene : public testing::Test {
+ protected:
+  Scene scene = read_scene(SOURCE_DIR "/config/scenes/two_hands/two_hands.yaml");
+  const ForceTable table = read_force_table(SOURCE_DIR "/config/charts/force_hands.yaml");
+
+  ForceWindow window(const std::string& name) const {
+    for (const ForceWindow& w : table.windows)
+      if (w.name == name) return w;
+    throw std::out_of_range(name);
+  }
+};
+
+// Both hands are in contact where the window begins, so both come down to there.
+TEST_F(HandsScene, ItsWindowsAreRunAlongBothTrajectories) {
+  for (const ForceWindow& w : table.windows) {
+    const OfflineInput input = motions_in_window(scene, w);
+    EXPECT_EQ(input.from, w.from);
+    EXPECT_EQ(input.to, w.to);
+    EXPECT_EQ(w.removals, w.name == "sculpt");
+  }
+  const OfflineInput press = motions_in_window(scene, window("press"));
+  for (const int i : {0, 1}) {
+    EXPECT_FALSE(press.motion[i].samples.empty()) << i;
+    EXPECT_GT(press.approach[i], 0.2e-3) << i;
+    EXPECT_LT(press.approach[i], 1e-3) << i;
+  }
+  EXPECT_TRUE(press.motion[2].samples.empty());
+}
+
+TEST_F(HandsScene, AHandWithoutATrajectoryOrATooShortOneIsRefused) {
+  ForceWindow late = window("press");
+  late.to = 1000;
+  EXPECT_THROW(motions_in_window(scene, late), InputError);
+  scene.instruments[1].trajectory.reset();
+  EXPECT_THROW(motions_in_window(scene, window("press")), InputError);
+}
+
+TEST_F(HandsScene, AReferenceIsKeptWithBothHandsUnderTheInputsOfBoth) {
+  const fs::path directory = fs::temp_directory_path() / ("hands_" + std::to_string(getpid()));
+  OfflineInput input = motions_in_window(scene, window("press"));
+  input.to = input.from + 0.01;
+  input.settle = 0.01;
+  const OfflineResult fresh = cached_reference(directory, scene, input, 1e-3, {});
+  const OfflineResult kept = cached_reference(directory, scene, input, 1e-3, {});
+  for (const int hand : {0, 1}) {
+    ASSERT_EQ(kept.hands[hand].size(), 10u);
+    for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(kept.hands[hand][i].wrench, fresh.hands[hand][i].wrench);
+  }
+  EXPECT_TRUE(kept.hands[2].empty());
+  OfflineInput other = input;
+  std::swap(other.motion[0], other.motion[1]);
+  EXPECT_NE(reference_key(scene, other, 1e-3), reference_key(scene, input, 1e-3));
+  Scene softer = scene;
+  softer.instruments[1].coupling.stiffness *= 0.5;
+  EXPECT_NE(reference_key(softer, input, 1e-3), reference_key(scene, input, 1e-3));
+  fs::remove_all(directory);
 }
 
 TEST(ReferenceCache, KeepsWhatWasRun) {
@@ -167,14 +245,15 @@ TEST(ReferenceCache, KeepsWhatWasRun) {
   const Scene scene = read_scene(SOURCE_DIR "/config/scenes/cube/cube.yaml");
   WindowSettings settings;
   settings.length = 0.05;
-  const OfflineInput input = motion_in_scene(scene, *scene.trajectory, settings);
+  const OfflineInput input = motion_in_scene(scene, *scene.first().trajectory, settings);
   const OfflineResult fresh = cached_reference(directory, scene, input, 1e-3, {});
   const OfflineResult kept = cached_reference(directory, scene, input, 1e-3, [](double) {
     ADD_FAILURE() << "it is there already";
     return true;
   });
-  ASSERT_EQ(kept.ticks.size(), fresh.ticks.size());
-  for (std::size_t i = 0; i < kept.ticks.size(); ++i) EXPECT_EQ(kept.ticks[i].wrench, fresh.ticks[i].wrench);
+  ASSERT_EQ(kept.ticks().size(), fresh.ticks().size());
+  for (std::size_t i = 0; i < kept.ticks().size(); ++i)
+    EXPECT_EQ(kept.ticks()[i].wrench, fresh.ticks()[i].wrench);
   EXPECT_NE(reference_key(scene, input, 1e-3), reference_key(scene, input, 5e-4));
   Scene other = scene;
   other.bodies[0].material.young *= 2;

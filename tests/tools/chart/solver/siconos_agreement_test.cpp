@@ -178,7 +178,7 @@ void along_the_stroke(double seconds, int most, const std::function<void(const P
   constexpr int ticks = 20;
   int found = 0;
   for (double t = stroke.begin(); t < stroke.begin() + seconds && found < most; t += 0.02) {
-    const auto pose = [&](double at) { return to_scene(scene.device, sample_at(stroke, at)); };
+    const auto pose = [&](double at) { return to_scene(scene.first().device, sample_at(stroke, at)); };
     const std::uint32_t buttons = buttons_at(stroke, t);
     world->step(
         [&] {
@@ -188,7 +188,7 @@ void along_the_stroke(double seconds, int most, const std::function<void(const P
         *problem);
     for (int tick = 1; tick <= ticks; ++tick) {
       const ContactSolution out =
-          solve_contact(*problem, scene.instrument, pose(t + 1e-3 * tick), 1e-3, options, state, *scratch);
+          solve_contact(*problem, scene.first().shape, pose(t + 1e-3 * tick), 1e-3, options, state, *scratch);
       if (out.active == 0 || tick % 5 != 0) continue;
       const ContactRows& rows = scratch->rows;
       const bool friction = rows.rows_per_contact == 3;

@@ -1,4 +1,4 @@
-#include "haptic/contact_capture.h"
+#include "physics/contact/condensed_problem.h"
 
 #include <algorithm>
 
@@ -7,11 +7,11 @@ namespace hapticd {
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept {
   to.step = from.step;
   to.published_ns = from.published_ns;
-  to.X_ref = from.X_ref;
+  to.instrument = from.instrument;
+  to.instrument_friction = from.instrument_friction;
   to.renewal = from.renewal;
   to.topology_changed = from.topology_changed;
   to.alarm_distance = from.alarm_distance;
-  to.coupling = from.coupling;
   to.nodes = from.nodes;
   to.samples = from.samples;
   to.dropped_samples = from.dropped_samples;

@@ -1,0 +1,219 @@
+#include "server/app/world_session.h"
+
+#include <future>
+#include <nlohmann/json.hpp>
+
+#include "server/files/output_file.h"
+#include "server/observe/log.h"
+#include "server/scene/scene_world.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
+// What a step asks for grows with the largest patch so far; the port of a tick asks for messages.
+constexpr std::size_t simulation_heap = 16 << 20;
+
+nlohmann::json milliseconds(const HistogramSnapshot& h) {
+  return {{"p50", 1e-6 * h.percentile(50)},
+          {"p99", 1e-6 * h.percentile(99)},
+          {"p99_9", 1e-6 * h.percentile(99.9)},
+          {"max", 1e-6 * static_cast<double>(h.max)}};
+}
+
+std::optional<std::filesystem::path> recording_of(const WorldSessionOptions& options, const Scene& scene, int i) {
+  if (!options.record) return {};
+  return recordings_of(*options.record, scene)[static_cast<std::size_t>(i)];
+}
+
+std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times) {
+  WorldSettings settings = world_settings(scene);
+  settings.compliance_options.times = &times;
+  return make_world(scene, settings);
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> recordings_of(const std::filesystem::path& file, const Scene& scene) {
+  std::vector<std::string> names;
+  for (const SceneInstrument& i : scene.instruments) names.push_back(i.name);
+  return one_file_each(file, names);
+}
+
+WorldSession::Device::Device(const DeviceSettings& of, const std::string& name, const Participant& participant,
+                             const WorldSessionOptions& options, DdsDevicePort* leader)
+    : settings(of),
+      instrument(name),
+      port(participant, of.id, options.mode == LoopMode::event, options.realtime_core, leader),
+      history(history_ticks) {}
+
+WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices,
+                           const Participant& participant, const WorldSessionOptions& options)
+    : options_(options), world_(timed_world(scene, times_)) {
+  for (std::size_t i = 0; i < devices.size(); ++i)
+    devices_.emplace_back(devices[i], scene.instruments[i].name, participant, options,
+                          devices_.empty() ? nullptr : &devices_.front().port);
+  simulation_.emplace(*world_, times_, scene.rate, instruments_, problems_, snapshots());
+  haptic_.emplace(world_->instruments(), loop_devices(), haptic_options(scene), problems_, instruments_,
+                  LoopTiming{.mode = options.mode});
+  for (int i = 0; i < this->devices(); ++i) {
+    Device& d = devices_[static_cast<std::size_t>(i)];
+    d.diagnostics.emplace(participant, scene, haptic_->statistics(i), d.snapshots, d.history,
+                          recording_of(options, scene, i),
+                          DiagnosticsScope{d.settings.id, options.world == 0 && i == 0});
+  }
+  if (options.schedule) {
+    schedule_.emplace(*options.schedule, scene, devices);
+    simulation_->record_into(schedule_->steps());
+    haptic_->record_into(schedule_->ticks());
+  }
+  if (options.capture) {
+    haptic_->capture_into(captures_, options.capture_every);
+    devices_.front().diagnostics->write_captures(captures_, world_->instruments(), *options.capture);
+  }
+  simulation_->warm_up();
+}
+
+std::vector<LoopDevice> WorldSession::loop_devices() {
+  std::vector<LoopDevice> all;
+  for (Device& d : devices_) all.push_back({d.settings, d.port, d.history, &d.tunings});
+  return all;
+}
+
+std::vector<Channel<SceneSnapshot>*> WorldSession::snapshots() {
+  std::vector<Channel<SceneSnapshot>*> all;
+  for (Device& d : devices_) all.push_back(&d.snapshots);
+  return all;
+}
+
+WorldSession::~WorldSession() {
+  stop();
+  haptic_.reset();
+  simulation_.reset();
+  while (!devices_.empty()) devices_.pop_back();  // the first port outlives those that ring its bell
+}
+
+std::vector<Grant> WorldSession::start_loops() {
+  prefault_heap(sample_heap);
+  if (schedule_) schedule_->start(options_.realtime_core);
+  simulation_->start([this] {
+    // With one core there is nothing to keep apart.
+    if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
+    prefault_heap(simulation_heap);
+  });
+  std::promise<std::vector<Grant>> granted;
+  haptic_->start([&granted, core = options_.realtime_core] {
+    name_thread("haptic");
+    no_log_from_this_thread();
+    prefault_stack();
+    prefault_heap(sample_heap);
+    granted.set_value({use_core(core), use_fifo(haptic_priority)});
+  });
+  return granted.get_future().get();
+}
+
+void WorldSession::start_diagnostics(const std::vector<Grant>& grants) {
+  for (Device& d : devices_) d.diagnostics->start(grants, options_.realtime_core);
+}
+
+void WorldSession::retune(int i, const DeviceTuning& tuning) noexcept {
+  Channel<DeviceTuning>& tunings = devices_[static_cast<std::size_t>(i)].tunings;
+  tunings.back() = tuning;
+  tunings.publish();
+}
+
+void WorldSession::stop() noexcept {
+  haptic_->stop();
+  simulation_->stop();
+  if (schedule_) schedule_->stop();
+  for (Device& d : devices_) d.diagnostics->stop();
+}
+
+MetricsSource WorldSession::metrics(int i) const {
+  constexpr auto relaxed = std::memory_order_relaxed;
+  const LoopStatistics& h = haptic_->statistics(i);
+  const SimulationStatistics& s = simulation_->statistics();
+  MetricsSource m;
+  m.device_id = device_id(i);
+  m.instrument = device(i).instrument;
+  m.world = options_.world;
+  m.ticks = h.run.load(relaxed);
+  m.armed = m.ticks > 0 && (h.status.load(relaxed) & status_disarmed) == 0;
+  m.wake = h.wake.snapshot();
+  m.solve = h.solve.snapshot();
+  m.state_age = h.state_age.snapshot();
+  m.problem_age = h.problem_age.snapshot();
+  m.step = s.step.snapshot();
+  m.missed = h.missed.load(relaxed);
+  m.deadline_misses = h.deadline_misses.load(relaxed);
+  m.answered = h.answered.load(relaxed);
+  m.rejected = h.refused.load(relaxed);
+  m.conflicts = h.conflicts.load(relaxed);
+  m.second_daemon = (h.status.load(relaxed) & status_rival) != 0;
+  m.foreign_forces = device(i).port.foreign_forces();
+  m.solver_caps = h.solver_caps.load(relaxed);
+  m.steps = s.steps.load(relaxed);
+  m.overruns = s.overruns.load(relaxed);
+  m.removed = s.removed.load(relaxed);
+  m.aspirated = s.aspirated.load(relaxed);
+  m.references = s.references.load(relaxed);
+  m.references_failed = s.references_failed.load(relaxed);
+  m.page_faults = h.page_faults.load(relaxed);
+  m.recording_dropped = recording_dropped(i);
+  m.simulation_rate_hz = s.rate_hz();
+  m.force_peak_n = h.force_peak.load(relaxed);
+  m.penetration_max_m = h.penetration_max.load(relaxed);
+  return m;
+}
+
+nlohmann::json WorldSession::summary(int i) const {
+  const Diagnostics& diagnostics = *device(i).diagnostics;
+  nlohmann::json j = loop_summary(haptic_->statistics(i));
+  const SimulationStatistics& s = simulation_->statistics();
+  const HistogramSnapshot step = s.step.snapshot();
+  j["device_id"] = device_id(i);
+  if (devices() > 1) j["instrument"] = device(i).instrument;
+  j["foreign_forces"] = device(i).port.foreign_forces();
+  j["mode"] = options_.mode == LoopMode::event ? "event" : "tick";
+  j["sim_rate_hz"] = s.rate_hz();
+  j["sim_steps"] = s.steps.load();
+  j["sim_overruns"] = s.overruns.load();
+  j["sim_step_ms"] = milliseconds(step);
+  // From the begin of a step that removes something to the problem without it.
+  if (const HistogramSnapshot interim = s.interim.snapshot(); interim.count > 0) {
+    j["interim_problems"] = interim.count;
+    j["interim_ms"] = milliseconds(interim);
+  }
+  if (const HistogramSnapshot refresh = s.refresh.snapshot(); refresh.count > 0) {
+    j["refreshed_problems"] = refresh.count;
+    j["refresh_ms"] = milliseconds(refresh);
+  }
+  j["removals_without_interim"] = s.late_removals.load();
+  j["elements_removed"] = s.removed.load();
+  j["fragments_aspirated"] = s.aspirated.load();
+  if (s.references + s.references_failed > 0) {
+    j["references_adopted"] = s.references.load();
+    j["references_failed"] = s.references_failed.load();
+    j["synchronous_references"] = s.synchronous_references.load();
+    j["reference_ms"] = milliseconds(simulation_->reference_time().snapshot());
+  }
+  j["compliance_error_max"] = s.compliance_error.load();
+  j["compliance_degraded_steps"] = s.rough_steps.load();
+  j["zone_rotation_max_rad"] = s.rotation.load();
+  // At the simulation, in scene newtons: the problem before and the new one, solved at the same pose.
+  j["sim_force_peak_n"] = s.force_peak.load();
+  j["handover_jump_max_n"] = {{"at_reference", s.jump_at_reference.load()},
+                              {"at_removal", s.jump_at_removal.load()}};
+  j["recording_dropped"] = recording_dropped(i);
+  j["problems_captured"] = diagnostics.captured();
+  j["recording_failed"] = diagnostics.recording_failed();
+  j["recorded"] = diagnostics.recorded();
+  j["recording_lost"] = diagnostics.recording_lost();
+  if (schedule_) {
+    j["schedule_recorded"] = schedule_->recorded();
+    j["schedule_lost"] = schedule_->lost();
+  }
+  return j;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,100 @@
+// One world in the daemon: its tissue, its simulation thread, its haptic thread, and the devices of its
+// instruments.
+//
+// A world has one device an instrument; its haptic thread solves one contact problem for all of them. Each
+// device has its own port, watchdog, limits, statistics, recording and diagnostics. Sessions share the
+// process, the DDS participant and the scene's description, and nothing else: no channel, no queue and no
+// lock of ours is common to two of them. A scene's `more_devices` have a world each: several people at the
+// same scene, each with a copy of its tissue. Thread safety: one owner thread. Errors: the constructor and
+// start throw std::runtime_error or std::invalid_argument.
+#pragma once
+
+#include <deque>
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <vector>
+
+#include "server/app/simulation_loop.h"
+#include "server/dds/device_bridge.h"
+#include "server/observe/metrics.h"
+#include "server/os/realtime.h"
+#include "server/schedule/schedule_recorder.h"
+
+namespace hapticd {
+
+struct WorldSessionOptions {
+  LoopMode mode = LoopMode::tick;
+  int realtime_core = 0;    // of the haptic thread
+  int simulation_core = 0;  // where it is another
+  int world = 0;            // the first one publishes the scene's geometry and updates
+  std::optional<std::filesystem::path> record;    // of the first device; others': recordings_of
+  std::optional<std::filesystem::path> capture;   // a directory for contact problems
+  std::uint64_t capture_every = 0;                // solves; 0: only those that end at a cap
+  std::optional<std::filesystem::path> schedule;  // a file for the run's schedule (schedule_file.h)
+};
+
+// One an instrument of the scene (server/files/output_file.h).
+std::vector<std::filesystem::path> recordings_of(const std::filesystem::path& file, const Scene& scene);
+
+class WorldSession {
+ public:
+  // devices: one an instrument of the scene, in their order. Everything referred to must outlive the session.
+  WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices, const Participant& participant,
+               const WorldSessionOptions& options);
+  ~WorldSession();
+
+  // The simulation, then the haptic thread; returns what the latter was granted.
+  std::vector<Grant> start_loops();
+  // grants: of the whole daemon, for the status topic.
+  void start_diagnostics(const std::vector<Grant>& grants);
+  // The haptic loop first: the devices feel zero.
+  void stop() noexcept;
+
+  bool failed() const noexcept { return simulation_->failed(); }
+  const std::string& failure() const noexcept { return simulation_->failure(); }
+  // New limits and scales of a device for the haptic thread, which goes over to them within a second. One
+  // thread alone.
+  void retune(int device, const DeviceTuning& tuning) noexcept;
+
+  int devices() const noexcept { return static_cast<int>(devices_.size()); }
+  std::uint32_t device_id(int i) const noexcept { return device(i).settings.id; }
+  const LoopStatistics& haptic_statistics(int i) const noexcept { return haptic_->statistics(i); }
+  const SimulationStatistics& simulation_statistics() const noexcept { return simulation_->statistics(); }
+  std::uint64_t recording_dropped(int i) const noexcept { return device(i).history.dropped(); }
+  MetricsSource metrics(int device) const;
+  SimulationLoop& simulation() noexcept { return *simulation_; }  // for its test hooks
+  // A device's figures, and those of the world.
+  nlohmann::json summary(int device) const;
+
+ private:
+  struct Device {
+    Device(const DeviceSettings& of, const std::string& name, const Participant& participant,
+           const WorldSessionOptions& options, DdsDevicePort* leader);
+
+    const DeviceSettings settings;
+    const std::string instrument;  // its name
+    DdsDevicePort port;
+    Channel<SceneSnapshot> snapshots;
+    Channel<DeviceTuning> tunings;
+    SpscQueue<ForceRecord> history;
+    std::optional<Diagnostics> diagnostics;
+  };
+
+  const Device& device(int i) const noexcept { return devices_[static_cast<std::size_t>(i)]; }
+  std::vector<LoopDevice> loop_devices();
+  std::vector<Channel<SceneSnapshot>*> snapshots();
+
+  const WorldSessionOptions options_;
+  PartTimes times_{monotonic_ns};  // of the simulation's step
+  std::unique_ptr<World> world_;
+  std::deque<Device> devices_;
+  Channel<CondensedProblem> problems_;
+  Channel<InstrumentInputs> instruments_;
+  Channel<ContactCapture> captures_;
+  std::optional<ScheduleRecorder> schedule_;
+  std::optional<SimulationLoop> simulation_;
+  std::optional<HapticLoop> haptic_;
+};
+
+}  // namespace hapticd

@@ -1,0 +1,192 @@
+#include "server/scene/scene_instruments.h"
+
+#include <algorithm>
+
+#include "server/files/paths.h"
+#include "server/record/trajectory_reader.h"
+#include "server/scene/device_reader.h"
+#include "server/scene/scene_bodies.h"
+#include "server/scene/scene_reader.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::size_t most_instruments = 4;
+constexpr int largest_id = 1'000'000;
+
+constexpr NumberRange stiffness{0, 1e6, true, false, "newtons per metre; about ten times the contact's own"};
+constexpr NumberRange rotational_stiffness{0, 1e4, true, false, "newton metres per radian"};
+constexpr NumberRange damping_time{0, 1, false, false, "seconds; about 0.002"};
+constexpr NumberRange removal_rate{0, 1e5, false, false, "tetrahedra per second; 0: none"};
+constexpr NumberRange reach{0, 0.1, false, false, "metres"};
+constexpr NumberRange position_scale{0, 1e3, true, false, "scene metres per device metre"};
+constexpr NumberRange force_scale{0, 1e6, true, false, "device newtons per scene newton"};
+constexpr NumberRange between_instruments{0, 2, false, false, "Coulomb's coefficient; 0: frictionless"};
+
+VirtualCoupling read_coupling(const YamlMap& yaml) {
+  yaml.only({"stiffness", "rotational_stiffness", "damping_time"});
+  VirtualCoupling coupling;
+  coupling.stiffness = yaml.number("stiffness", stiffness);
+  coupling.rotational_stiffness = yaml.number("rotational_stiffness", rotational_stiffness);
+  coupling.damping_time = yaml.number("damping_time", damping_time);
+  return coupling;
+}
+
+RemovalSettings read_removal(const YamlMap& yaml) {
+  yaml.only({"rate", "stroke", "aspiration"});
+  RemovalSettings removal;
+  removal.rate = yaml.number("rate", removal_rate);
+  removal.stroke = yaml.number("stroke", reach, 0);
+  if (yaml.has("aspiration")) {
+    const YamlMap aspiration = yaml.map("aspiration");
+    aspiration.only({"reach", "max_elements"});
+    removal.aspiration_reach = aspiration.number("reach", reach);
+    removal.aspiration_max_tets = aspiration.whole("max_elements", 0, 1'000'000);
+  }
+  return removal;
+}
+
+std::string no_such_device(const std::filesystem::path& file) {
+  return "no such file: " + file.string() + " (a name from config/devices, or a path)";
+}
+
+std::filesystem::path device_file_of(const YamlMap& yaml) {
+  const std::filesystem::path file = device_path(yaml.text("device"), yaml.folder());
+  if (!std::filesystem::is_regular_file(file)) throw yaml.error("device", no_such_device(file));
+  return file;
+}
+
+// Of a name that stands on the command line, not in the scene.
+std::filesystem::path device_file_of(const std::string& name) {
+  const std::filesystem::path file = device_path(name, std::filesystem::current_path());
+  if (!std::filesystem::is_regular_file(file)) throw InputError(file, 0, "device", no_such_device(file));
+  return file;
+}
+
+std::uint32_t read_id(const YamlMap& yaml) {
+  return static_cast<std::uint32_t>(yaml.whole("id", 0, largest_id));
+}
+
+void read_mapping(const YamlMap& yaml, DeviceSettings& device) {
+  yaml.only({"position_scale", "force_scale", "origin", "frame", "tool"});
+  device.position_scale = yaml.number("position_scale", position_scale);
+  device.force_scale = yaml.number("force_scale", force_scale);
+  device.origin = yaml.vec3("origin", Vec3::Zero());
+  device.frame = yaml.quaternion("frame");
+  device.tool = yaml.quaternion("tool");
+}
+
+// own: where primitives, tip and coupling stand; rest: where removal, device, mapping and trajectory do. An
+// entry of a list is both.
+SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::string& device,
+                           const std::vector<SceneBody>& bodies) {
+  SceneInstrument held;
+  held.shape = read_instrument(own);
+  held.coupling = read_coupling(own.map("coupling"));
+
+  if (rest.has("removal")) held.removal = read_removal(rest.map("removal"));
+  const bool removable =
+      std::any_of(bodies.begin(), bodies.end(), [](const SceneBody& body) { return body.removable; });
+  if (held.removal.rate > 0 && !removable)
+    throw rest.error("removal", "no body is removable (say removable: true for one, or rate: 0)");
+
+  held.device_file = device.empty() ? device_file_of(rest) : device_file_of(device);
+  const DeviceFile file = read_device(held.device_file);
+  held.device = file.limits;
+  held.device_name = file.name;
+  held.device_stiffness = file.max_stiffness;
+  read_mapping(rest.map("mapping"), held.device);
+
+  if (rest.has("trajectory")) {
+    held.trajectory = rest.folder() / rest.text("trajectory");
+    if (!std::filesystem::is_regular_file(*held.trajectory))
+      throw rest.error("trajectory", "no such file: " + held.trajectory->string());
+    read_trajectory(*held.trajectory, LengthUnit::metre);
+  }
+  return held;
+}
+
+SceneInstrument read_listed(const YamlMap& yaml, const std::string& device, const Scene& scene) {
+  yaml.only({"name", "primitives", "tip", "coupling", "removal", "device", "id", "mapping", "trajectory"});
+  const std::string name = yaml.text("name");
+  for (const SceneInstrument& other : scene.instruments)
+    if (other.name == name) throw yaml.error("name", "'" + name + "' is another instrument's name already");
+  SceneInstrument held = read_entry(yaml, yaml, device, scene.bodies);
+  held.name = name;
+  if (yaml.has("id")) held.device.id = read_id(yaml);
+  if (has_device(scene, held.device.id))
+    throw yaml.error("id",
+                     std::to_string(held.device.id) + " is another device's id already" +
+                         (yaml.has("id") ? "" : " (its file's: give this instrument an id of its own)"));
+  return held;
+}
+
+// A device's limits by name or path, with an id of its own.
+DeviceSettings read_further_device(const YamlMap& yaml, const Scene& scene) {
+  yaml.only({"device", "id", "mapping"});
+  DeviceSettings device = read_device(device_file_of(yaml)).limits;
+  device.id = read_id(yaml);
+  if (has_device(scene, device.id))
+    throw yaml.error("id", std::to_string(device.id) + " is another device's id already");
+  read_mapping(yaml.map("mapping"), device);
+  return device;
+}
+
+void read_only_instrument(const YamlMap& yaml, const std::string& device, Scene& scene) {
+  if (yaml.has("instrument_friction"))
+    throw yaml.error("instrument_friction",
+                     "is of one instrument against another: stands only beside instruments");
+  const YamlMap own = yaml.map("instrument");
+  own.only({"primitives", "tip", "coupling"});
+  scene.instruments.push_back(read_entry(own, yaml, device, scene.bodies));
+  scene.first().name = "instrument";
+  if (yaml.has("more_devices"))
+    for (const YamlMap& entry : yaml.maps("more_devices"))
+      scene.more_devices.push_back(read_further_device(entry, scene));
+}
+
+void read_several(const YamlMap& yaml, const std::string& device, Scene& scene) {
+  for (const char* other : {"instrument", "removal", "device", "mapping", "trajectory", "more_devices"})
+    if (yaml.has(other))
+      throw yaml.error(other, "cannot stand beside instruments: each of them has its own device and keys");
+  const std::vector<YamlMap> entries = yaml.maps("instruments");
+  if (entries.size() > most_instruments)
+    throw yaml.error("instruments", std::to_string(entries.size()) + " are too many: one tissue has one to " +
+                                        std::to_string(most_instruments));
+  for (const YamlMap& entry : entries)
+    scene.instruments.push_back(read_listed(entry, scene.instruments.empty() ? device : "", scene));
+  scene.instrument_friction = yaml.number("instrument_friction", between_instruments, 0);
+}
+
+}  // namespace
+
+void read_instruments(const YamlMap& yaml, const std::string& device, Scene& scene) {
+  scene.instruments.clear();
+  yaml.has("instruments") ? read_several(yaml, device, scene) : read_only_instrument(yaml, device, scene);
+}
+
+bool has_device(const Scene& scene, std::uint32_t id) {
+  const auto has_id = [id](const DeviceSettings& device) { return device.id == id; };
+  return std::any_of(scene.instruments.begin(), scene.instruments.end(),
+                     [&](const SceneInstrument& held) { return has_id(held.device); }) ||
+         std::any_of(scene.more_devices.begin(), scene.more_devices.end(), has_id);
+}
+
+void add_device(Scene& scene, const std::string& name) {
+  if (scene.instruments.size() > 1)
+    throw InputError(scene.file, 0, "instruments",
+                     "further devices with tissue of their own need a scene with one instrument");
+  const DeviceSettings limits = read_device(device_file_of(name)).limits;
+  DeviceSettings device = scene.first().device;  // its map into the scene
+  device.max_force = limits.max_force;
+  device.max_torque = limits.max_torque;
+  device.max_force_rate = limits.max_force_rate;
+  device.max_speed = limits.max_speed;
+  device.workspace_radius = limits.workspace_radius;
+  device.damping = limits.damping;
+  device.id = limits.id;
+  while (has_device(scene, device.id)) ++device.id;
+  scene.more_devices.push_back(device);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,217 @@
+// Several instruments in one tissue: what a scene says of each, and every fault with file, line and key.
+#include "server/scene/scene_instruments.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "server/scene/scene_describe.h"
+#include "tests/server/scene/scene_file.h"
+
+namespace hapticd {
+namespace {
+
+const std::string tissue = R"(scene: two hands
+simulation:
+  alarm_distance: 0.1
+  sample_spacing: 0.05
+bodies:
+  - name: block
+    kind: deformable
+    mesh: tiny_41_ascii.msh
+    removable: true
+    fixed: bottom
+    material:
+      young: 3000
+      poisson: 0.45
+      density: 1000
+)";
+
+const std::string two_hands = tissue + R"(instrument_friction: 0.3
+instruments:
+  - name: phaco
+    tip: ball
+    primitives:
+      - name: ball
+        shape: sphere
+        radius: 0.1
+    coupling:
+      stiffness: 100
+      rotational_stiffness: 1
+      damping_time: 0.002
+    removal:
+      rate: 20
+    device: touch
+    mapping:
+      position_scale: 0.5
+      force_scale: 2
+    trajectory: move.csv
+  - name: chopper
+    tip: hook
+    primitives:
+      - name: hook
+        shape: sphere
+        radius: 0.05
+    coupling:
+      stiffness: 50
+      rotational_stiffness: 1
+      damping_time: 0.001
+    device: falcon
+    id: 7
+    mapping:
+      position_scale: 0.25
+      force_scale: 4
+)";
+
+class SceneInstruments : public SceneFile {
+ protected:
+  void expect_fault(const std::string& old, const std::string& replacement, const std::string& key,
+                    const std::string& words, int line = 0) {
+    expect_fault_in(two_hands, old, replacement, key, words, line);
+  }
+
+  // An entry with all that is needed and nothing else, at id.
+  static std::string entry(const std::string& name, int id) {
+    return "  - {name: " + name + ", tip: t, primitives: [{name: t, shape: sphere, radius: 0.1}], " +
+           "coupling: {stiffness: 10, rotational_stiffness: 1, damping_time: 0}, device: touch, id: " +
+           std::to_string(id) + ", mapping: {position_scale: 1, force_scale: 1}}\n";
+  }
+};
+
+TEST_F(SceneInstruments, EachHasItsOwnKeys) {
+  const Scene scene = read(two_hands);
+  ASSERT_EQ(scene.instruments.size(), 2u);
+  EXPECT_EQ(scene.instrument_friction, 0.3);
+  const SceneInstrument &phaco = scene.instruments[0], &chopper = scene.instruments[1];
+  EXPECT_EQ(phaco.name, "phaco");
+  EXPECT_EQ(phaco.shape.primitives[0].radius, 0.1);
+  EXPECT_EQ(phaco.coupling.stiffness, 100);
+  EXPECT_EQ(phaco.removal.rate, 20);
+  EXPECT_EQ(phaco.device_name, "Touch");
+  EXPECT_EQ(phaco.device.id, 0u);  // its file's
+  EXPECT_EQ(phaco.device.force_scale, 2);
+  EXPECT_EQ(phaco.trajectory, folder_ / "move.csv");
+  EXPECT_EQ(chopper.name, "chopper");
+  EXPECT_EQ(chopper.shape.primitives[0].radius, 0.05);
+  EXPECT_EQ(chopper.coupling.damping_time, 0.001);
+  EXPECT_EQ(chopper.removal.rate, 0);
+  EXPECT_EQ(chopper.device_name, "Falcon");
+  EXPECT_EQ(chopper.device.id, 7u);
+  EXPECT_EQ(chopper.device.position_scale, 0.25);
+  EXPECT_EQ(chopper.device.max_force, 8);
+  EXPECT_FALSE(chopper.trajectory);
+  EXPECT_EQ(felt_stiffness(chopper), 50);
+  EXPECT_TRUE(has_device(scene, 0) && has_device(scene, 7) && !has_device(scene, 1));
+}
+
+TEST_F(SceneInstruments, OneToFourShareATissue) {
+  std::string list = tissue + "instruments:\n";
+  for (int n = 1; n <= 4; ++n) {
+    list += entry("hand" + std::to_string(n), n);
+    const Scene scene = read(list);
+    ASSERT_EQ(static_cast<int>(scene.instruments.size()), n);
+    EXPECT_EQ(scene.instruments.back().device.id, static_cast<std::uint32_t>(n));
+    EXPECT_EQ(scene.instrument_friction, 0);
+  }
+  list += entry("hand5", 5);
+  expect_fault_in(list, "instruments:", "instruments:", "instruments", "5 are too many");
+  expect_fault_in(tissue + "instruments: []\n", "instruments:", "instruments:", "instruments",
+                  "at least one");
+}
+
+// What stands in a list of one is what `instrument` and the keys beside it say.
+TEST_F(SceneInstruments, AListOfOneIsTheSceneWithOneInstrument) {
+  const std::string own =
+      "tip: t, primitives: [{name: t, shape: sphere, radius: 0.1}], coupling: {stiffness: 10, "
+      "rotational_stiffness: 2, damping_time: 0.003}";
+  const Scene listed = read(tissue + "instruments:\n  - {name: only, " + own +
+                            ", removal: {rate: 5, stroke: 0.01}, device: touch, trajectory: move.csv, "
+                            "mapping: {position_scale: 2, force_scale: 3}}\n");
+  const Scene plain = read(tissue + "instrument: {" + own +
+                           "}\nremoval: {rate: 5, stroke: 0.01}\ndevice: touch\ntrajectory: move.csv\n"
+                           "mapping: {position_scale: 2, force_scale: 3}\n");
+  ASSERT_EQ(listed.instruments.size(), 1u);
+  ASSERT_EQ(plain.instruments.size(), 1u);
+  EXPECT_EQ(listed.first().name, "only");
+  EXPECT_EQ(plain.first().name, "instrument");
+  EXPECT_EQ(describe(listed), describe(plain));
+  EXPECT_EQ(listed.first().removal.stroke, plain.first().removal.stroke);
+  EXPECT_EQ(listed.first().device.id, plain.first().device.id);
+}
+
+TEST_F(SceneInstruments, AReplacementIsTheFirstOnesDevice) {
+  const Scene scene = read(two_hands, "omni");
+  EXPECT_EQ(scene.instruments[0].device_name, "Omni");
+  EXPECT_EQ(scene.instruments[0].device.force_scale, 2);
+  EXPECT_EQ(scene.instruments[1].device_name, "Falcon");
+  // The scene's id stays with the instrument, whatever device it has.
+  const std::string with_id = with(two_hands, "    device: touch\n", "    device: touch\n    id: 3\n");
+  EXPECT_EQ(read(with_id, "omni").instruments[0].device.id, 3u);
+}
+
+TEST_F(SceneInstruments, NamesAndIdsAreDistinct) {
+  expect_fault("name: chopper", "name: phaco", "instruments[1].name", "another instrument's name");
+  expect_fault("    id: 7", "    id: 0", "instruments[1].id", "0 is another device's id already");
+  // Neither says an id, and both files have 0: named at the entry.
+  expect_fault("    id: 7\n", "", "instruments[1].id", "give this instrument an id of its own", 34);
+}
+
+TEST_F(SceneInstruments, NothingStandsBesideTheListThatBelongsIntoIt) {
+  for (const char* key : {"instrument: {tip: ball}", "removal: {rate: 1}", "device: touch",
+                          "mapping: {position_scale: 1}", "trajectory: move.csv", "more_devices: []"}) {
+    const std::string text = key;
+    expect_fault("scene: two hands", "scene: two hands\n" + text, text.substr(0, text.find(':')),
+                 "cannot stand beside instruments");
+  }
+  expect_fault_in(tissue + "instrument_friction: 0.1\ninstrument: {}\n", "instrument_friction: 0.1",
+                  "instrument_friction: 0.1", "instrument_friction", "only beside instruments");
+  expect_fault_in(tissue, "scene: two hands", "scene: two hands", "instrument", "is missing", 1);
+}
+
+TEST_F(SceneInstruments, FaultsOfAnEntryAreNamedThere) {
+  expect_fault("    id: 7", "    ids: 7", "instruments[1].ids", "did you mean 'id'?");
+  expect_fault("      force_scale: 4", "      force_scale: -4", "instruments[1].mapping.force_scale",
+               "above 0");
+  expect_fault("      stiffness: 50", "      stiffness: 0", "instruments[1].coupling.stiffness", "above 0");
+  expect_fault("tip: hook", "tip: hoof", "instruments[1].tip", "hook");
+  expect_fault("radius: 0.05", "radius: 0", "instruments[1].primitives[0].radius", "above 0");
+  expect_fault("device: falcon", "device: falcom", "instruments[1].device", "no such file");
+  expect_fault("move.csv", "none.csv", "instruments[0].trajectory", "no such file");
+  expect_fault("    removable: true\n", "", "instruments[0].removal", "no body is removable", 26);
+  expect_fault("  - name: chopper\n    tip", "  - tip", "instruments[1].name", "is missing");
+  expect_fault("friction: 0.3", "friction: 2.5", "instrument_friction", "at most 2");
+  expect_fault("friction: 0.3", "friction: -0.1", "instrument_friction", "at least 0");
+}
+
+TEST_F(SceneInstruments, DevicesWithTissueOfTheirOwnNeedOneInstrument) {
+  Scene scene = read(two_hands);
+  try {
+    add_device(scene, "touch");
+    ADD_FAILURE() << "was accepted";
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.file(), folder_ / "scene.yaml");
+    EXPECT_EQ(e.key(), "instruments");
+  }
+  Scene one = read(tissue + "instruments:\n" + entry("only", 0));
+  add_device(one, "touch");
+  ASSERT_EQ(one.more_devices.size(), 1u);
+  EXPECT_EQ(one.more_devices[0].id, 1u);
+}
+
+TEST_F(SceneInstruments, AllAreDescribed) {
+  const Scene scene = read(two_hands);
+  const std::string text = describe(scene);
+  for (const char* words :
+       {"phaco: 1 primitives", "chopper: 1 primitives", "Touch, id 0: ", "Falcon, id 7: ", "friction 0.3"})
+    EXPECT_NE(text.find(words), std::string::npos) << words << '\n' << text;
+  const nlohmann::ordered_json json = instruments_to_json(scene);
+  ASSERT_EQ(json.size(), 2u);
+  EXPECT_EQ(json[0].at("name"), "phaco");
+  EXPECT_EQ(json[0].at("removes"), true);
+  EXPECT_EQ(json[1].at("device"), "Falcon");
+  EXPECT_EQ(json[1].at("id"), 7);
+  EXPECT_EQ(json[1].at("felt_stiffness"), 50);
+}
+
+}  // namespace
+}  // namespace hapticd

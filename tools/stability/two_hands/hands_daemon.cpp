@@ -1,0 +1,44 @@
+#include "tools/stability/two_hands/hands_daemon.h"
+
+#include <cmath>
+
+#include "server/scene/scene_world.h"
+
+namespace hapticd {
+namespace {
+
+constexpr std::int64_t tick_ns = 1'000'000;
+
+HapticOptions options_of(const Scene& scene, bool passivity_control) {
+  HapticOptions options = haptic_options(scene);
+  options.passivity_control = passivity_control;
+  return options;
+}
+
+}  // namespace
+
+HandsDaemon::HandsDaemon(const Scene& scene, bool passivity_control, int reference_steps)
+    : daemon_(make_world(scene), scene.rate, devices_of(scene), options_of(scene, passivity_control)) {
+  VirtualTiming timing = usual_timing(daemon_.world());
+  timing.reference = std::llround(1e9 * reference_steps / scene.rate);
+  daemon_.set_timing(timing);
+}
+
+EachInstrument<ForceSample> HandsDaemon::tick(const EachInstrument<const DeviceSample*>& arrived,
+                                              const EachInstrument<bool>& connected) {
+  HapticInput input;
+  input.now_ns = VirtualDaemonSettings().first_ns + count_++ * tick_ns;
+  for (int i = 0; i < max_instruments; ++i) {
+    DeviceInput& device = input.device[i];
+    device.presence = {
+        .connected = connected[i], .new_client = connected[i] && !connected_[i], .conflict = false};
+    if (!arrived[i]) continue;
+    device.taken = true;
+    device.sample = *arrived[i];
+    device.sample.received_ns = device.sample.client_time_ns = input.now_ns;
+  }
+  connected_ = connected;
+  return daemon_.tick(input);
+}
+
+}  // namespace hapticd
