@@ -94,6 +94,10 @@ class Compliance {
   // Pre: these tetrahedra just went, and are dead in `after`. An `update` must follow before any use.
   virtual void remove(const TissueState& after, std::span<const int> tets) = 0;
 
+  // Pre: a cut just changed the corners of these live tetrahedra, or took them into use (TissueModel::parent);
+  // the model and `after` are as they are now. An `update` must follow before any use.
+  virtual void reshape(const TissueState& after, std::span<const int> tets);
+
   // Post: C is the method's inverse of A at the state's rotations, live tetrahedra only.
   virtual void update(const TissueState& state) = 0;
 

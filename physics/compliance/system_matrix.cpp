@@ -39,7 +39,7 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
   };
 
   elements_.resize(model.tet_count());
-  for (int t = 0; t < model.tet_count(); ++t) {
+  for (int t = 0; t < model.tets_in_use; ++t) {
     const Tet& tet = model.mesh.tets[t];
     Element& element = elements_[t];
     std::array<int, 4> corner = {0, 1, 2, 3};

@@ -42,10 +42,11 @@ class SystemMatrix {
   NodeGraph graph_of(const std::vector<std::uint8_t>& live_edges) const;
 
   struct Element {
-    Tet node;                 // ascending
-    std::array<int, 6> edge;  // 01 02 03 12 13 23 of `node`; -1 where a node is fixed
-    Gradients gradients;      // columns follow `node`
-    double volume;
+    Tet node = no_tet;  // ascending
+    std::array<int, 6> edge = {-1, -1, -1,
+                               -1, -1, -1};   // 01 02 03 12 13 23 of `node`; -1 where a node is fixed
+    Gradients gradients = Gradients::Zero();  // columns follow `node`
+    double volume = 0;
   };
   const std::vector<Element>& elements() const noexcept { return elements_; }
   bool fixed(int node) const noexcept { return fixed_[node] != 0; }

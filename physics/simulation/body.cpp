@@ -12,7 +12,7 @@ constexpr double sleeping_speed = 1e-5;  // [m/s]
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
   TissueModel model;
   if (s.deformable) {
-    model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity);
+    model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity, s.room);
     model.corotational = s.corotational;
     model.dynamic = s.dynamic;
     return model;
@@ -23,10 +23,14 @@ TissueModel model_of(BodySettings& s, const Vec3& gravity) {
 
 double mean_edge(const TetMesh& mesh) {
   double sum = 0;
-  for (const Tet& t : mesh.tets)
+  int tets = 0;
+  for (const Tet& t : mesh.tets) {
+    if (t == no_tet) continue;
+    ++tets;
     for (int a = 0; a < 4; ++a)
       for (int b = 0; b < a; ++b) sum += (mesh.nodes[t[a]] - mesh.nodes[t[b]]).norm();
-  return mesh.tets.empty() ? 0 : sum / (6 * static_cast<double>(mesh.tets.size()));
+  }
+  return tets == 0 ? 0 : sum / (6.0 * tets);
 }
 
 TissueState state_of(const TissueModel& model, bool deformable) {

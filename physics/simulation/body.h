@@ -29,6 +29,7 @@ struct BodySettings {
   bool removable = false;        // the tip may destroy it
   bool corotational = true;      // deformable only; false: linear, right at small rotations only
   bool dynamic = true;           // deformable only; false: no inertia and no damping; it is held, never cut
+  MeshRoom room = {};            // deformable only; for what cuts add
 };
 
 // Nothing here outlives the function that fills it.

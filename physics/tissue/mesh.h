@@ -14,6 +14,7 @@ namespace hapticd {
 
 using Tet = std::array<int, 4>;
 using Triangle = std::array<int, 3>;
+inline constexpr Tet no_tet = {-1, -1, -1, -1};  // a place that is not in use
 
 // A named physical group: the nodes of all its entities, and its tetrahedra where it has any.
 struct MeshGroup {

@@ -17,7 +17,7 @@ std::vector<KeyedFace> sorted_faces(std::span<const Tet> tets) {
   std::vector<KeyedFace> faces;
   faces.reserve(4 * tets.size());
   for (int t = 0; t < static_cast<int>(tets.size()); ++t)
-    for (int f = 0; f < 4; ++f) {
+    for (int f = 0; f < 4 && tets[t] != no_tet; ++f) {
       Triangle key = outward_face(tets[t], f);
       std::sort(key.begin(), key.end());
       faces.push_back({key, 4 * t + f});
@@ -50,7 +50,7 @@ BoundarySurface::BoundarySurface(const TetMesh& mesh)
       position_(4 * mesh.tets.size(), -1),
       alive_(mesh.tets.size(), true) {
   for (int id = 0; id < static_cast<int>(across_.size()); ++id)
-    if (across_[id] < 0) insert(id, false);
+    if (across_[id] < 0 && tets_[id / 4] != no_tet) insert(id, false);
 }
 
 void BoundarySurface::remove(std::span<const int> tets) {

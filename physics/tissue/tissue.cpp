@@ -1,6 +1,8 @@
 #include "physics/tissue/tissue.h"
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -44,7 +46,7 @@ Mat3 straining(const TissueModel& model, const Mat3& F) noexcept {
 }  // namespace
 
 TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
-                              const Vec3& gravity) {
+                              const Vec3& gravity, MeshRoom room) {
   TissueModel model;
   model.mesh = std::move(mesh);
   model.material = material;
@@ -62,6 +64,15 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
     model.gradients.push_back(shape.gradients);
     model.volume.push_back(shape.volume);
   }
+  model.nodes_in_use = model.node_count();
+  model.tets_in_use = model.tet_count();
+  model.mesh.nodes.resize(model.mesh.nodes.size() + static_cast<std::size_t>(room.nodes),
+                          model.mesh.nodes.empty() ? Vec3(Vec3::Zero()) : model.mesh.nodes.front());
+  model.mesh.tets.resize(model.mesh.tets.size() + static_cast<std::size_t>(room.tets), no_tet);
+  model.gradients.resize(model.mesh.tets.size(), Gradients::Zero());
+  model.volume.resize(model.mesh.tets.size(), 0.0);
+  model.parent.resize(model.mesh.tets.size());
+  std::iota(model.parent.begin(), model.parent.end(), 0);
   model.across = faces_across(model.mesh.tets);
   model.fixed.assign(model.node_count(), 0);
   for (const int n : fixed_nodes) {
@@ -78,7 +89,8 @@ TissueState rest_state(const TissueModel& model) {
   state.x = model.mesh.nodes;
   state.v.assign(model.node_count(), Vec3::Zero());
   state.rotation.assign(model.tet_count(), Mat3::Identity());
-  state.alive.assign(model.tet_count(), 1);
+  state.alive.assign(model.tet_count(), 0);
+  std::fill_n(state.alive.begin(), model.tets_in_use, std::uint8_t{1});
   if (model.material.law == Law::guarded) state.collapsed.reserve(model.tet_count());
   sum_mass(model, state);
   return state;

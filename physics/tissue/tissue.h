@@ -1,4 +1,4 @@
-// One deformable body: what never changes (TissueModel) and what does (TissueState).
+// One deformable body: what only a cut changes (TissueModel) and what moves (TissueState).
 //
 //   M a + B v = f_int(x) + f_ext + Hᵀλ,   f_int = −∂E/∂x,   E = Σ_e V_e (μ‖F−R‖² + λ/2 tr(RᵀF−I)²)
 //
@@ -19,24 +19,34 @@ namespace hapticd {
 
 using Gradients = Eigen::Matrix<double, 3, 4>;  // ∂N_a/∂X, columns are corners [1/m]
 
+// Room for what a cut adds: planned at the start, so that a step allocates nothing. Spare nodes are orphans,
+// and spare tetrahedra are dead, until a cut takes them into use, in order.
+struct MeshRoom {
+  int nodes = 0;
+  int tets = 0;
+};
+
 struct TissueModel {
-  TetMesh mesh;
+  TetMesh mesh;  // the spare ones last: nodes where the first is, tetrahedra of no_tet
   Material material;
   std::vector<Gradients> gradients;  // per tetrahedron, rest shape
   std::vector<double> volume;        // per tetrahedron [m³]
   std::vector<int> across;           // faces_across (surface.h)
+  std::vector<int> parent;           // per tetrahedron: which it was split from; itself: of the first mesh
   std::vector<std::uint8_t> fixed;   // per node
-  Vec3 gravity = Vec3::Zero();       // [m/s²]
-  bool corotational = true;          // false: every rotation stays the identity, f_int = −K u
-  bool dynamic = true;               // false: no inertia and no damping, A = K
+  int nodes_in_use = 0, tets_in_use = 0;
+  Vec3 gravity = Vec3::Zero();  // [m/s²]
+  bool corotational = true;     // false: every rotation stays the identity, f_int = −K u
+  bool dynamic = true;          // false: no inertia and no damping, A = K
 
+  // The spare ones too.
   int node_count() const noexcept { return static_cast<int>(mesh.nodes.size()); }
   int tet_count() const noexcept { return static_cast<int>(mesh.tets.size()); }
 };
 
 // Throws std::invalid_argument naming the tetrahedron when one has no positive volume.
 TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<const int> fixed_nodes,
-                              const Vec3& gravity);
+                              const Vec3& gravity, MeshRoom room = {});
 
 // A tetrahedron of a guarded material that has all but lost its volume (volume_barrier.h).
 struct Collapsed {

@@ -4,13 +4,14 @@
 
 #include <algorithm>
 #include <numeric>
+#include <span>
 #include <stdexcept>
 
 namespace hapticd {
 
 NodeGraph node_graph(const TissueModel& model) {
   std::vector<std::vector<int>> neighbours(model.node_count());
-  for (const Tet& tet : model.mesh.tets)
+  for (const Tet& tet : std::span(model.mesh.tets).first(model.tets_in_use))
     for (const int a : tet)
       for (const int b : tet)
         if (a != b && !model.fixed[a] && !model.fixed[b]) neighbours[a].push_back(b);

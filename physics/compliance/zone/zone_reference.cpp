@@ -71,6 +71,7 @@ void ZoneReference::find_inside() {
   for (int t = 0; t < static_cast<int>(elements.size()); ++t) {
     bool in = false;
     bool out = false;
+    if (elements[t].node == no_tet) continue;
     for (const int n : elements[t].node) {
       if (structure_->matrix.fixed(n)) continue;
       in = in || zone_place(n) >= 0;

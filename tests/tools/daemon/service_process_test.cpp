@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdlib>
@@ -15,6 +16,7 @@
 #include <fstream>
 #include <iterator>
 #include <sstream>
+#include <thread>
 
 #include <gtest/gtest.h>
 
@@ -102,8 +104,13 @@ TEST_F(ServiceDaemon, WhoCallsCycloneBesideTheHapticLoopRunsInRealTime) {
   ChildProcess daemon(command(), scratch_.file("log"));
   hear(20'000 * ms, "READY=1");
   for (const char* name : {"diagnostics", "gc", "dq.builtins"}) {
-    const int thread = thread_named(daemon.pid(), name);
+    int thread = 0;
+    for (int turn = 0; turn < 500 && (thread = thread_named(daemon.pid(), name)) == 0; ++turn)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
     ASSERT_NE(thread, 0) << name;
+    // READY=1 may be sent before a thread that has its name has its class.
+    for (int turn = 0; turn < 500 && sched_getscheduler(thread) != SCHED_FIFO; ++turn)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
     sched_param param{};
     sched_getparam(thread, &param);
     EXPECT_EQ(sched_getscheduler(thread), SCHED_FIFO) << name;
