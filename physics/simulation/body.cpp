@@ -49,7 +49,6 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       friction(settings.friction),
       removable(settings.removable),
       model(model_of(settings, gravity)),
-      rest(model.mesh.nodes),
       edge(mean_edge(model.mesh)),
       state(state_of(model, deformable)),
       surface(model.mesh),

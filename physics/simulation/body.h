@@ -39,13 +39,13 @@ struct BodyScratch {
 };
 
 struct Body {
-  // Model: never changes.
+  // Model: only a cut changes it.
   std::string name;
   bool deformable;
   double friction;
   bool removable;
   TissueModel model;       // of a rigid body: the mesh only
-  std::vector<Vec3> rest;  // rest positions, where sample points are laid out
+  const std::vector<Vec3>& rest() const { return model.mesh.nodes; }
   double edge = 0;         // mean length of the tetrahedra's edges at rest [m]
   PartTimes* times = nullptr;
 

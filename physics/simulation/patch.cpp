@@ -83,7 +83,7 @@ double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instr
       if (body.deformable) x[c] += static_cast<double>(p) / parts * body.free.dx.segment<3>(3 * t[c]);
     }
     for (const auto& w :
-         sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_)))
+         sample_weights(subdivisions(body.rest()[t[0]], body.rest()[t[1]], body.rest()[t[2]], spacing_)))
       nearest = std::min(nearest, gap_at(instrument, X, weighted(w, x[0], x[1], x[2])).distance);
     if (!body.deformable) break;
   }
@@ -102,7 +102,7 @@ void PatchGatherer::gather(const Bodies& bodies, Instruments instruments, const 
     const Triangle& t = body.surface.faces()[n.face].nodes;
     Candidate found{alarm, -1, n};
     for (const auto& w :
-         sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_))) {
+         sample_weights(subdivisions(body.rest()[t[0]], body.rest()[t[1]], body.rest()[t[2]], spacing_))) {
       const Vec3 x = weighted(w, body.state.x[t[0]], body.state.x[t[1]], body.state.x[t[2]]);
       for (int i = 0; i < instruments.count(); ++i) {
         if (!X.present[i]) continue;
@@ -139,7 +139,7 @@ void PatchGatherer::gather(const Bodies& bodies, Instruments instruments, const 
     const SurfaceFace& face = body.surface.faces()[candidate.face.face];
     const Triangle& t = face.nodes;
     const auto& weights =
-        sample_weights(subdivisions(body.rest[t[0]], body.rest[t[1]], body.rest[t[2]], spacing_));
+        sample_weights(subdivisions(body.rest()[t[0]], body.rest()[t[1]], body.rest()[t[2]], spacing_));
     const auto missing =
         body.deformable ? std::count_if(t.begin(), t.end(), [&](int n) { return patch_index_[b][n] < 0; })
                         : 0;

@@ -71,7 +71,7 @@ Instrument ball(double radius) {
 double energy_of(const Body& body) {
   double height = 0;
   for (int n = 0; n < body.model.node_count(); ++n)
-    height -= body.state.mass[n] * body.model.gravity.dot(body.state.x[n] - body.rest[n]);
+    height -= body.state.mass[n] * body.model.gravity.dot(body.state.x[n] - body.rest()[n]);
   const VecX none = VecX::Zero(3 * static_cast<Eigen::Index>(body.state.x.size()));
   return kinetic_energy(body.model, body.state) + stored_energy(body.model, body.state, none) + height;
 }

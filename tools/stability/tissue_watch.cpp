@@ -33,7 +33,7 @@ TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instru
   double least_damping = std::numeric_limits<double>::infinity(), radius = 0;
   for (const Body& b : bodies) {
     if (!b.deformable) continue;
-    for (const Vec3& x : b.rest) radius = std::max(radius, (x - middle_).norm());
+    for (const Vec3& x : b.rest()) radius = std::max(radius, (x - middle_).norm());
     if (b.removable) least_damping = std::min(least_damping, b.model.material.rayleigh_mass);
   }
   bounds_.farthest = radius + 2 * instrument_speed / least_damping + 2 * scene.alarm_distance;

@@ -154,7 +154,7 @@ TEST_P(LateReferences, StopNothingWhateverElseHappens) {
           woke += !world->bodies()[b].asleep && asleep[b];
           asleep[b] = world->bodies()[b].asleep;
           for (std::size_t n = 0; n < world->bodies()[b].state.x.size(); ++n)
-            ASSERT_LT((world->bodies()[b].state.x[n] - world->bodies()[b].rest[n]).norm(), 0.05);
+            ASSERT_LT((world->bodies()[b].state.x[n] - world->bodies()[b].rest()[n]).norm(), 0.05);
         }
       }
     } catch (const std::exception& e) {

@@ -210,7 +210,7 @@ TEST(TwoHands, AreInTheEquilibriumOfOneLinearSolve) {
     const ContactRows& rows = scratch.rows;
 
     // Hᵀλ, of both hands and of the second alone.
-    const Eigen::Index dofs = 3 * static_cast<Eigen::Index>(b.rest.size());
+    const Eigen::Index dofs = 3 * static_cast<Eigen::Index>(b.rest().size());
     VecX load = VecX::Zero(dofs), of_second = VecX::Zero(dofs);
     std::vector<int> body_node(static_cast<std::size_t>(hands.problem->nodes));
     for (int n = 0; n < hands.problem->nodes; ++n) {
@@ -233,8 +233,8 @@ TEST(TwoHands, AreInTheEquilibriumOfOneLinearSolve) {
     const Eigen::LLT<MatX> K(MatX(assemble_system_matrix(b.model, b.state, h)));
     const VecX u = K.solve(load), u_second = K.solve(of_second);
     double worst = 0, largest = 0;
-    for (std::size_t n = 0; n < b.rest.size(); ++n) {
-      const Vec3 moved = b.state.x[n] - b.rest[n];
+    for (std::size_t n = 0; n < b.rest().size(); ++n) {
+      const Vec3 moved = b.state.x[n] - b.rest()[n];
       worst = std::max(worst, (moved - u.segment<3>(3 * static_cast<Eigen::Index>(n))).norm());
       largest = std::max(largest, moved.norm());
     }

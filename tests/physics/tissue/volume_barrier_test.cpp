@@ -170,7 +170,7 @@ TEST(Corotational, UnfoldsABlockThatWasPressedThroughItself) {
     }
     double farthest = 0;
     for (int n = 0; n < body.model.node_count(); ++n)
-      farthest = std::max(farthest, (body.state.x[n] - body.rest[n]).norm());
+      farthest = std::max(farthest, (body.state.x[n] - body.rest()[n]).norm());
     EXPECT_LT(farthest, 1e-6) << (law == Law::guarded ? "guarded" : "corotational");
   }
 }

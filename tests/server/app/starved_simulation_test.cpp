@@ -54,7 +54,7 @@ Starved stroke(const Scene& scene, double least, double most, int reference_dela
     const Body& lens = world->bodies().front();
     for (std::size_t n = 0; n < lens.state.x.size(); ++n)
       if (lens.state.live_tets_of_node[n] > 0)
-        run.farthest = std::max(run.farthest, (lens.state.x[n] - lens.rest[n]).norm());
+        run.farthest = std::max(run.farthest, (lens.state.x[n] - lens.rest()[n]).norm());
   }
   run.removed = world->removed();
   return run;

@@ -28,15 +28,15 @@ class CutBlock : public testing::Test {
     std::vector<int> tets;
     for (int t = 0; t < body.model.tet_count(); ++t) {
       double z = 0;
-      for (const int n : body.model.mesh.tets[t]) z += 0.25 * body.rest[n].z();
+      for (const int n : body.model.mesh.tets[t]) z += 0.25 * body.rest()[n].z();
       if (z > 0.01 / 3 && z < 0.02 / 3) tets.push_back(t);
     }
     take_out(body, tets);
     body.corrected.force.setZero(3 * body.model.node_count());
   }
   void throw_upper(double speed) {
-    for (std::size_t n = 0; n < bodies[0].rest.size(); ++n)
-      if (bodies[0].rest[n].z() > 0.006) bodies[0].state.v[n] = Vec3(speed, 0, 0);
+    for (std::size_t n = 0; n < bodies[0].rest().size(); ++n)
+      if (bodies[0].rest()[n].z() > 0.006) bodies[0].state.v[n] = Vec3(speed, 0, 0);
   }
 
   Scene scene;
@@ -71,7 +71,7 @@ TEST_F(CutBlock, EnergyGainedInAStepByHand) {
   Body& body = bodies[0];
   body.corrected.force.setZero(3 * body.model.node_count());
   std::size_t n = 0;
-  while (body.rest[n].z() < 0.009) ++n;
+  while (body.rest()[n].z() < 0.009) ++n;
   const double m = body.state.mass[n];
   body.state.v[n] = Vec3(0.1, 0, 0);
   EXPECT_NEAR(watch.look(bodies).gained, 0.5 * m * 0.01, 1e-12 * m);

@@ -216,7 +216,7 @@ WorldSettings ahead(ComplianceMethod method) {
 double energy_of(const Body& body) {
   double height = 0;
   for (int n = 0; n < body.model.node_count(); ++n)
-    height -= body.state.mass[n] * body.model.gravity.dot(body.state.x[n] - body.rest[n]);
+    height -= body.state.mass[n] * body.model.gravity.dot(body.state.x[n] - body.rest()[n]);
   return kinetic_energy(body.model, body.state) + stored_energy(body.model, body.state, none(body.model)) +
          height;
 }
@@ -280,7 +280,7 @@ TEST(EnergyBound, ABeamUnderItsWeightEndsInEquilibrium) {
   double largest = 0, apart = 0;
   const Body &a = foreseen.bodies().front(), &b = own.bodies().front();
   for (int n = 0; n < a.model.node_count(); ++n) {
-    largest = std::max(largest, (b.state.x[n] - b.rest[n]).norm());
+    largest = std::max(largest, (b.state.x[n] - b.rest()[n]).norm());
     apart = std::max(apart, (a.state.x[n] - b.state.x[n]).norm());
   }
   EXPECT_GT(largest, 0.01);

@@ -19,7 +19,7 @@ using namespace soft_block_bench;
 std::vector<int> nodes_of_interest(const Body& body, std::span<const int> gone, int& kept) {
   std::vector<int> nodes;
   for (int n = 0; n < body.model.node_count(); ++n)
-    if (body.rest[n].z() > 0.012 && body.state.live_tets_of_node[n] > 0) nodes.push_back(n);
+    if (body.rest()[n].z() > 0.012 && body.state.live_tets_of_node[n] > 0) nodes.push_back(n);
   kept = static_cast<int>(nodes.size());
   for (const int t : gone)
     for (const int n : body.model.mesh.tets[t])
@@ -50,7 +50,7 @@ TEST_P(Without, IsTheSystemCondensedAfreshWithoutThem) {
     if (ahead) {
       for (int n = 0; n < b.model.node_count(); ++n)
         b.free.dx.segment<3>(3 * n) =
-            b.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(1e-4 * Vec3(1, -2, 3) * b.rest[n].z() / 0.02);
+            b.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(1e-4 * Vec3(1, -2, 3) * b.rest()[n].z() / 0.02);
       linearise_ahead(b, h);
     } else {
       b.compliance->update(b.state);
@@ -137,7 +137,7 @@ TEST(Interim, OfNodesThatTheZoneDoesNotCoverThereIsNone) {
 void predict_linearisation_at(Body& body, double angle) {
   for (int n = 0; n < body.model.node_count(); ++n)
     body.free.dx.segment<3>(3 * n) =
-        body.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(angle * body.rest[n].z() * Vec3(1, 0.3, -0.2));
+        body.model.fixed[n] ? Vec3(Vec3::Zero()) : Vec3(angle * body.rest()[n].z() * Vec3(1, 0.3, -0.2));
   linearise_ahead(body, h);
 }
 
@@ -189,7 +189,7 @@ TEST(StaleRotation, ARigidTurnIsFoundAndRestIsNot) {
   EXPECT_TRUE(stale_rotations(body, dx, 1e-12).empty());
   const Mat3 turn = Eigen::AngleAxisd(0.3, Vec3(1, 2, 2).normalized()).matrix();
   for (int n = 0; n < body.model.node_count(); ++n)
-    if (!body.model.fixed[n]) dx.segment<3>(3 * n) = turn * body.rest[n] - body.rest[n];
+    if (!body.model.fixed[n]) dx.segment<3>(3 * n) = turn * body.rest()[n] - body.rest()[n];
   int whole = 0, nodes = 0;
   std::vector<int> named(body.state.x.size(), 0);
   for (const StaleRotation& t : stale_rotations(body, dx, 1e-12)) {

@@ -33,7 +33,7 @@ inline void disturb(Body& body) {
 inline int highest_node(const Body& body) {
   int best = 0;
   for (int n = 0; n < body.model.node_count(); ++n)
-    if (body.rest[n].sum() > body.rest[best].sum()) best = n;
+    if (body.rest()[n].sum() > body.rest()[best].sum()) best = n;
   return best;
 }
 

@@ -48,7 +48,7 @@ TEST_F(ZoneSelection, ItIsWhatIsNearTheInstrument) {
   EXPECT_TRUE(zone.halo.empty());
   for (int n = 0; n < body.model.node_count(); ++n) {
     EXPECT_EQ(has(zone.nodes, n), gap(n) < 1.6 * alarm_distance) << gap(n);
-    const bool on_top = body.rest[n].z() > 0.02 - 1e-9;
+    const bool on_top = body.rest()[n].z() > 0.02 - 1e-9;
     if (on_top && gap(n) < 1.15 * alarm_distance) {
       EXPECT_TRUE(has(zone.needed, n));
     }
@@ -71,7 +71,7 @@ TEST_F(ZoneSelection, WhatIsNamedComesFirstAndContactsAreNeeded) {
 TEST_F(ZoneSelection, OfAFactorMadeElsewhereItIsAheadOfTheInstrument) {
   const auto mean_x = [&](const Zone& zone) {
     double sum = 0;
-    for (const int n : zone.nodes) sum += body.rest[n].x();
+    for (const int n : zone.nodes) sum += body.rest()[n].x();
     return sum / static_cast<double>(zone.nodes.size());
   };
   for (int i = -8; i <= 0; ++i) {
