@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -87,6 +88,25 @@ void measure_boundary(const TetMesh& mesh, MeshQuality& q) {
 }
 
 }  // namespace
+
+// Faces with normals n (twice the area) meet in an edge of length l at sin θ = 6 V l / (|n_k| |n_l|).
+double dihedral_quality(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) noexcept {
+  const std::array<const Vec3*, 4> x = {&a, &b, &c, &d};
+  std::array<double, 4> normal;
+  for (int f = 0; f < 4; ++f) {
+    const Triangle t = outward_face({0, 1, 2, 3}, f);
+    normal[f] = (*x[t[1]] - *x[t[0]]).cross(*x[t[2]] - *x[t[0]]).norm();
+  }
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 4; ++i)
+    for (int j = i + 1; j < 4; ++j) {
+      const int k = i == 0 ? (j == 1 ? 2 : 1) : 0;
+      const int l = 6 - i - j - k;
+      least = std::min(least, (*x[i] - *x[j]).norm() / (normal[k] * normal[l]));
+    }
+  const double regular = 2 * std::numbers::sqrt2 / 3;
+  return 6 * signed_volume(a, b, c, d) * least / regular;
+}
 
 double mean_ratio(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) noexcept {
   const double squares = (a - b).squaredNorm() + (a - c).squaredNorm() + (a - d).squaredNorm() +

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "physics/tissue/tissue.h"
+
 namespace hapticd {
 
 namespace {
@@ -31,7 +33,7 @@ std::vector<KeyedFace> sorted_faces(std::span<const Tet> tets) {
 }  // namespace
 
 std::vector<int> faces_across(std::span<const Tet> tets) {
-  std::vector<int> across(4 * tets.size(), -1);
+  std::vector<int> across(4 * tets.size(), outer_face);
   const std::vector<KeyedFace> faces = sorted_faces(tets);
   for (std::size_t i = 0; i + 1 < faces.size(); ++i) {
     if (faces[i].key != faces[i + 1].key) continue;
@@ -49,6 +51,7 @@ BoundarySurface::BoundarySurface(const TetMesh& mesh)
       across_(faces_across(mesh.tets)),
       position_(4 * mesh.tets.size(), -1),
       alive_(mesh.tets.size(), true) {
+  faces_.reserve(across_.size());
   for (int id = 0; id < static_cast<int>(across_.size()); ++id)
     if (across_[id] < 0 && tets_[id / 4] != no_tet) insert(id, false);
 }
@@ -63,6 +66,25 @@ void BoundarySurface::remove(std::span<const int> tets) {
       else
         insert(across_[id], true);
     }
+  }
+}
+
+void BoundarySurface::follow(const TissueModel& model, std::span<const int> tets,
+                             std::span<const std::array<int, 2>> opened) {
+  for (const int t : tets) renew(model, t);
+  for (const auto& sides : opened)
+    for (const int id : sides) renew(model, id / 4);
+}
+
+// Its corners and neighbours, which may have its faces under new ids, and which of its faces are boundary.
+void BoundarySurface::renew(const TissueModel& model, int tet) {
+  if (!alive_[tet]) return;
+  tets_[tet] = model.mesh.tets[tet];
+  for (int id = 4 * tet; id < 4 * tet + 4; ++id) {
+    const int other = across_[id] = model.across[id];
+    if (other >= 0) across_[other] = id;
+    if (position_[id] >= 0) erase(id);
+    if (other < 0 || !alive_[other / 4]) insert(id, other != outer_face);
   }
 }
 

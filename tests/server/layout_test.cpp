@@ -46,6 +46,15 @@ TEST(Layout, PhysicsSeesNoThreadClockFileLogOrDds) {
   }
 }
 
+// The mesh half of a cut knows the tissue alone: contact and law are above it.
+TEST(Layout, CuttingSeesOnlyTheTissue) {
+  for (const Include& i : includes_of("physics/cutting"))
+    if (i.target.starts_with("physics/")) {
+      EXPECT_TRUE(starts_with_any(i.target, {"physics/types.h", "physics/cutting/", "physics/tissue/"}))
+          << i.file << " includes " << i.target;
+    }
+}
+
 TEST(Layout, HapticSeesOnlyTheContactProblemOfPhysics) {
   for (const Include& i : includes_of("haptic")) {
     EXPECT_FALSE(
