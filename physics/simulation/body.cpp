@@ -48,6 +48,8 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       deformable(settings.deformable),
       friction(settings.friction),
       removable(settings.removable),
+      toughness(settings.deformable ? settings.toughness : 0),
+      tearing(settings.tearing),
       model(model_of(settings, gravity)),
       edge(mean_edge(model.mesh)),
       state(state_of(model, deformable)),

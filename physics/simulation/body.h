@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "physics/compliance/reference_compliance.h"
+#include "physics/cutting/tearing.h"
 #include "physics/simulation/free_motion.h"
 #include "physics/simulation/step/energy_bound.h"
 #include "physics/tissue/surface.h"
@@ -30,6 +31,8 @@ struct BodySettings {
   bool corotational = true;      // deformable only; false: linear, right at small rotations only
   bool dynamic = true;           // deformable only; false: no inertia and no damping; it is held, never cut
   MeshRoom room = {};            // deformable only; for what cuts add
+  double toughness = 0;          // against blades [J/m²]; 0: they do not cut it
+  TearSettings tearing = {};     // off unless its toughness is positive
 };
 
 // Nothing here outlives the function that fills it.
@@ -44,9 +47,11 @@ struct Body {
   bool deformable;
   double friction;
   bool removable;
-  TissueModel model;       // of a rigid body: the mesh only
+  double toughness;  // [J/m²]
+  TearSettings tearing;
+  TissueModel model;  // of a rigid body: the mesh only
   const std::vector<Vec3>& rest() const { return model.mesh.nodes; }
-  double edge = 0;         // mean length of the tetrahedra's edges at rest [m]
+  double edge = 0;  // mean length of the tetrahedra's edges at rest [m]
   PartTimes* times = nullptr;
 
   // State.

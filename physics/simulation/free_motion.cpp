@@ -48,7 +48,8 @@ void compute_free_displacement(Body& body) {
     if (!body.scratch.force.isZero(0)) body.compliance->apply(body.scratch.force, body.free.under_load);
   }
   for (int n = 0; n < body.model.node_count(); ++n)
-    body.free.dx.segment<3>(3 * n) = body.rest()[n] + body.free.under_load.segment<3>(3 * n) - body.state.x[n];
+    body.free.dx.segment<3>(3 * n) =
+        body.rest()[n] + body.free.under_load.segment<3>(3 * n) - body.state.x[n];
 }
 
 void keep_energy(Body& body, double h) {

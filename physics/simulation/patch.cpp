@@ -91,7 +91,8 @@ double PatchGatherer::nearest_on_the_way(const Body& body, int face, const Instr
 }
 
 void PatchGatherer::gather(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X,
-                           double alarm, std::span<const NearFace> near, CondensedProblem& problem) {
+                           double alarm, std::span<const NearFace> near, CondensedProblem& problem,
+                           std::span<const PatchNode> first) {
   patch_index_.resize(bodies.size());
   for (std::size_t b = 0; b < bodies.size(); ++b) patch_index_[b].assign(bodies[b].state.x.size(), -1);
   nodes_.clear();
@@ -130,6 +131,15 @@ void PatchGatherer::gather(const Bodies& bodies, Instruments instruments, const 
     return a.gap != b.gap ? a.gap < b.gap
                           : std::pair(a.face.body, a.face.face) < std::pair(b.face.body, b.face.face);
   });
+
+  const int room_for_first = present > 0 ? share : 0;
+  for (const PatchNode& n : first) {
+    int& index = patch_index_[n.body][n.node];
+    if (index >= 0 || static_cast<int>(nodes_.size()) >= room_for_first) continue;
+    index = static_cast<int>(nodes_.size());
+    nodes_.push_back(n);
+  }
+  for (int i = 0; i < instruments.count(); ++i) nodes_left[i] -= static_cast<int>(nodes_.size());
 
   problem.samples = 0;
   problem.dropped_samples = 0;

@@ -30,12 +30,16 @@ class PatchGatherer {
   explicit PatchGatherer(double sample_spacing) : spacing_(sample_spacing) {}
 
   // Fills nodes, samples and counts of `problem` from the candidate faces; positions come later,
-  // with `set_patch_positions`. `alarm` bounds the samples' gaps at X.
+  // with `set_patch_positions`. `alarm` bounds the samples' gaps at X. first: nodes that come before all
+  // others, as far as there is room.
   void gather(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X, double alarm,
-              std::span<const NearFace> candidates, CondensedProblem& problem);
+              std::span<const NearFace> candidates, CondensedProblem& problem,
+              std::span<const PatchNode> first = {});
 
   std::span<const PatchNode> nodes() const { return nodes_; }
   std::vector<int> nodes_of(int body) const;  // in the order of `nodes`
+  // Of a body's node in `nodes`; −1: it is not among them.
+  int index(int body, int node) const { return patch_index_[body][node]; }
 
  private:
   struct Candidate {

@@ -25,7 +25,9 @@ struct StepBegin {
 struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
   int fragments_aspirated = 0;
-  bool interim = false;  // a problem without them was published at once
+  bool split = false;        // blades cut, or faces tore
+  bool out_of_room = false;  // a cut found no spare node or tetrahedron left, in this step or before
+  bool interim = false;      // a problem without them was published at once
   int awake_bodies = 0;
   int references_adopted = 0;      // since the step before
   int synchronous_references = 0;  // made by the step itself, for which others came too late

@@ -36,6 +36,7 @@ World::World(std::vector<BodySettings> bodies, std::vector<Instrument> instrumen
     bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
                          settings.compliance_options);
   for (Body& b : bodies_) collision_.add_body(b.surface.faces(), b.state.x);
+  cutting_ = CuttingStage(instruments_, bodies_);
 }
 
 StepReport World::step(const std::function<InstrumentSamples()>& latest, CondensedProblem& first,
@@ -55,13 +56,16 @@ StepBegin World::begin_step(const InstrumentSamples& samples, CondensedProblem* 
   motion_.follow(samples, settings_.h);
   remove(samples, report);
   wake_near(samples);
-  report.interim = interim && report.removed > 0 && fill_interim(samples, *interim, report);
+  // An interim problem knows what went, not what split.
+  const bool split = cut(report);
+  report.interim = interim && report.removed > 0 && !split && fill_interim(samples, *interim, report);
   return {report.removed, report.interim};
 }
 
 void World::factor_step() {
   report_.references_adopted = factors_.references.take_over(bodies_);
   removal_.tell_compliances(bodies_);
+  cutting_.tell_compliances(bodies_);
   body_contact_.find(bodies_);
   factors_.run(context_, begun_with_, report_);
 }
@@ -69,12 +73,15 @@ void World::factor_step() {
 const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedProblem& problem) {
   StepReport& report = report_;
   const InstrumentSamples& samples = settings_.newest_pose ? newest : begun_with_;
-  const bool topology_changed = report.removed > 0 && !report.interim;  // since the problem before
+  const bool topology_changed =
+      (report.removed > 0 || report.split) && !report.interim;  // since the one before
   gather(samples, topology_changed, problem, report);
   contact_.condense(context_, factors_, samples, problem, report);
   body_contact_.solve(context_, factors_, contact_, samples, problem,
                       wrenches_before_handover(samples, report), report);
   report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force);
+  if (usable(report.contact))
+    cutting_.advance(bodies_, instruments_, poses_of(samples), problem, contact_.state.solver.memory);
 
   factors_.renew(context_, report);
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
@@ -98,13 +105,28 @@ InstrumentPoses World::poses_in(const InstrumentSamples& samples, double time) c
 void World::remove(const InstrumentSamples& samples, StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
   const Removed removed = removal_.remove(bodies_, instruments_, samples, poses_in(samples, removal_lead));
-  for (const int b : removed.bodies) {
-    collision_.set_surface(b, bodies_[b].surface.faces(), bodies_[b].state.x);
-    body_contact_.surface_changed(bodies_, b);
-  }
+  surfaces_changed(removed.bodies);
+  cutting_.follow(bodies_, removed.bodies);
   report.removed = removed.tets;
   report.fragments_aspirated = removed.fragments_aspirated;
   removing_ = removed.tets > 0;
+}
+
+// Fronts that advanced since the last step are cut into the mesh.
+bool World::cut(StepReport& report) {
+  const Within collision(context_.times(), StepPart::collision);
+  const std::vector<int> split = cutting_.realise(bodies_, instruments_);
+  surfaces_changed(split);
+  report.split = !split.empty();
+  report.out_of_room = cutting_.out_of_room();
+  return report.split;
+}
+
+void World::surfaces_changed(std::span<const int> bodies) {
+  for (const int b : bodies) {
+    collision_.set_surface(b, bodies_[b].surface.faces(), bodies_[b].state.x);
+    body_contact_.surface_changed(bodies_, b);
+  }
 }
 
 void World::wake_near(const InstrumentSamples& samples) {
@@ -140,7 +162,10 @@ void World::gather(const InstrumentSamples& samples, bool topology_changed, Cond
     factors_.follow(context_, f.body, samples, {});
     factors_.factor(context_, f.body, report);
   }
-  contact_.gather(context_, poses_of(samples), near_, topology_changed, problem);
+  const InstrumentPoses X = poses_of(samples);
+  cutting_.find(bodies_, instruments_, X, settings_.alarm_distance);
+  contact_.gather(context_, X, near_, cutting_.nodes(), topology_changed, problem);
+  cutting_.publish(bodies_, instruments_, contact_.patch(), problem);
 }
 
 // What the problem published last says at these poses, where another reference factor or surface may make a

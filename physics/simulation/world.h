@@ -18,10 +18,12 @@
 
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "physics/simulation/body_contact/body_contact_stage.h"
 #include "physics/simulation/body_contact/collision.h"
+#include "physics/simulation/cutting/cutting_stage.h"
 #include "physics/simulation/step/instrument_contact.h"
 #include "physics/simulation/step/interim_problem.h"
 #include "physics/simulation/step/prediction.h"
@@ -81,11 +83,14 @@ class World {
   const ContactScratch& contact_scratch() const { return contact_.scratch(); }
   std::uint64_t steps() const { return steps_; }
   int removed() const { return removal_.total(); }
+  const CuttingStage& cutting() const { return cutting_; }
 
  private:
   InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
   void remove(const InstrumentSamples& samples, StepReport& report);
   void wake_near(const InstrumentSamples& samples);
+  bool cut(StepReport& report);
+  void surfaces_changed(std::span<const int> bodies);
   bool fill_interim(const InstrumentSamples& samples, CondensedProblem& problem, StepReport& report);
   void gather(const InstrumentSamples& samples, bool topology_changed, CondensedProblem& problem,
               StepReport& report);
@@ -104,6 +109,7 @@ class World {
 
   InstrumentMotions motion_;
   RemovalStage removal_;
+  CuttingStage cutting_;
   FactorStage factors_;
   InstrumentContact contact_;
   BodyContactStage body_contact_;

@@ -64,7 +64,8 @@ InstrumentContact::InstrumentContact(double sample_spacing)
     : gatherer_(sample_spacing), scratch_(std::make_unique<ContactScratch>()) {}
 
 void InstrumentContact::gather(const StepContext& c, const InstrumentPoses& X, std::span<const NearFace> near,
-                               bool topology_changed, CondensedProblem& problem) {
+                               std::span<const PatchNode> first, bool topology_changed,
+                               CondensedProblem& problem) {
   const WorldSettings& s = c.settings;
   problem.step = next_number();
   problem.renewal = s.contact;
@@ -72,7 +73,7 @@ void InstrumentContact::gather(const StepContext& c, const InstrumentPoses& X, s
   problem.alarm_distance = s.alarm_distance;
   for (int i = 0; i < max_instruments; ++i) problem.instrument[i] = {X[i], s.coupling[i]};
   problem.instrument_friction = s.instrument_friction;
-  gatherer_.gather(c.bodies, c.instruments, X, s.alarm_distance, near, problem);
+  gatherer_.gather(c.bodies, c.instruments, X, s.alarm_distance, near, problem, first);
   place(c, problem);
 }
 

@@ -41,7 +41,7 @@ class InstrumentContact {
 
   // Fills all of a problem but C_pp. near: the faces near X.
   void gather(const StepContext& c, const InstrumentPoses& X, std::span<const NearFace> near,
-              bool topology_changed, CondensedProblem& problem);
+              std::span<const PatchNode> first, bool topology_changed, CondensedProblem& problem);
 
   // A problem's number: they count up from 1, with every publication.
   std::uint64_t next_number() { return ++problems_; }

@@ -1,0 +1,185 @@
+#include "physics/simulation/cutting/cutting_stage.h"
+
+#include <algorithm>
+
+#include "physics/contact/cutting.h"
+#include "physics/cutting/opening.h"
+#include "physics/cutting/tearing.h"
+
+namespace hapticd {
+namespace {
+
+// A strip reaches past its outer samples, and back over where a cut begins at the surface, by this part of a
+// sample's width: a strip that ends on a mesh edge's own line would leave it whole.
+constexpr double overlap = 0.05;
+
+std::uint64_t front_id(int instrument, int k, const CutFront& front) noexcept {
+  return edge_id(instrument, static_cast<int>(front.number % (1u << 24)) * max_edge_samples + k);
+}
+
+// A run's points along the edge, and one more at either end, half a sample and a little beyond. alone: the
+// edge's direction times the width, of a run of one.
+std::vector<Vec3> with_ends(const std::vector<Vec3>& run, const Vec3& alone) {
+  const std::size_t n = run.size();
+  const Vec3 first = n > 1 ? Vec3(run[1] - run[0]) : alone,
+             last = n > 1 ? Vec3(run[n - 1] - run[n - 2]) : alone;
+  std::vector<Vec3> out = {run[0] - (0.5 + overlap) * first};
+  out.insert(out.end(), run.begin(), run.end());
+  out.push_back(run[n - 1] + (0.5 + overlap) * last);
+  return out;
+}
+
+}  // namespace
+
+CuttingStage::CuttingStage(Instruments instruments, Bodies& bodies) {
+  for (int i = 0; i < instruments.count(); ++i) {
+    fronts_.emplace_back(instruments[i].blade);
+    cuts_anything_ = cuts_anything_ || !instruments[i].blade.sample.empty();
+  }
+  for (Body& b : bodies) {
+    const bool has_room = b.model.node_count() > b.model.nodes_in_use;
+    cuts_anything_ = cuts_anything_ || (has_room && b.tearing.toughness > 0);
+    cuts_.push_back(has_room ? std::make_unique<CutBody>(b.model, instruments.count()) : nullptr);
+  }
+}
+
+std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) {
+  std::vector<int> changed;
+  if (!cuts_anything_) return changed;
+  for (int i = 0; i < instruments.count(); ++i) cut_strips(bodies, instruments[i].blade, i);
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    Body& body = bodies[b];
+    CutBody* cut = cuts_[b].get();
+    if (!cut) continue;
+    if (body.tearing.toughness > 0 && !body.asleep) {
+      const std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
+      if (!faces.empty()) note(open_faces(body.model, body.state, cut->work, faces, cut->change));
+    }
+    if (cut->change.empty()) continue;
+    body.surface.follow(body.model, cut->change.tets, cut->change.opened);
+    body.asleep = false;
+    body.energy.elastic.resize(0);
+    changed.push_back(static_cast<int>(b));
+  }
+  follow(bodies, changed);
+  return changed;
+}
+
+// Runs of neighbouring samples in one body: from where the mesh is cut to where their fronts are.
+void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
+  std::vector<CutFront>& front = fronts_[i].all();
+  const auto is_cutting = [&](std::size_t k) {
+    return k < front.size() && front[k].in_tissue && front[k].point.any() && cuts_[front[k].body];
+  };
+  for (std::size_t first = 0, end = 0; first < front.size(); first = end) {
+    end = first + 1;
+    if (!is_cutting(first)) continue;
+    while (is_cutting(end) && front[end].body == front[first].body) ++end;
+    Body& body = bodies[front[first].body];
+    CutBody& cut = *cuts_[front[first].body];
+    const Mat3 to_rest = deformation_at(body.model, body.state.x, front[first].point).inverse();
+    const Vec3 alone = blade.sample[first].width * (to_rest * fronts_[i].along()).normalized();
+    std::vector<Vec3> from, to;
+    bool advanced = false;
+    for (std::size_t k = first; k < end; ++k) {
+      CutFront& f = front[k];
+      const Vec3 way = f.point.rest - f.cut_to;
+      advanced = advanced || !way.isZero(0);
+      area_ += blade.sample[k].width * way.norm();
+      const double before = f.begun ? 0 : overlap * blade.sample[k].width;  // a cut begins before the surface
+      from.push_back(f.cut_to - before * way.stableNormalized());
+      to.push_back(f.point.rest);
+    }
+    if (!advanced) continue;
+    if (std::none_of(front.begin(), front.end(), [](const CutFront& f) { return f.begun; }))
+      cut.of_blade[i].start();
+    cut.strip.clear();
+    cut.strip.sweep(with_ends(from, alone), with_ends(to, alone));
+    note(cut.of_blade[i].extend(body.model, body.state, cut.work, cut.strip, cut.change));
+    for (std::size_t k = first; k < end; ++k) {
+      front[k].cut_to = front[k].point.rest;
+      front[k].begun = true;
+    }
+  }
+}
+
+void CuttingStage::note(CutStatus status) { out_of_room_ = out_of_room_ || status == CutStatus::no_room; }
+
+void CuttingStage::tell_compliances(Bodies& bodies) {
+  if (!cuts_anything_) return;
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (!cuts_[b] || cuts_[b]->change.empty()) continue;
+    bodies[b].compliance->reshape(bodies[b].state, cuts_[b]->change.tets);
+    cuts_[b]->change.clear();
+    bodies[b].free.ahead = false;
+  }
+}
+
+void CuttingStage::follow(const Bodies& bodies, std::span<const int> which) {
+  for (CutFronts& fronts : fronts_)
+    for (const int b : which) fronts.follow(bodies, b);
+}
+
+void CuttingStage::find(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X,
+                        double reach) {
+  nodes_.clear();
+  if (!cuts_anything_) return;
+  for (int i = 0; i < instruments.count(); ++i) {
+    if (X.present[i])
+      fronts_[i].find(bodies, instruments[i].blade, X[i], reach);
+    else
+      fronts_[i].forget();
+    for (const CutFront& f : fronts_[i].all()) {
+      if (f.body < 0) continue;
+      const Tet& tet = bodies[f.body].model.mesh.tets[f.point.tet];
+      for (int a = 0; a < 4; ++a)
+        if (f.point.weight[a] > 0) nodes_.push_back({f.body, tet[a]});
+    }
+  }
+}
+
+void CuttingStage::publish(const Bodies& bodies, Instruments instruments, const PatchGatherer& patch,
+                           CondensedProblem& problem) const {
+  problem.edges = 0;
+  for (int i = 0; i < instruments.count(); ++i)
+    for (std::size_t k = 0; k < fronts_[i].all().size(); ++k) {
+      const CutFront& f = fronts_[i].all()[k];
+      if (f.body < 0 || problem.edges == max_edge_samples) continue;
+      const Body& body = bodies[f.body];
+      const Tet& tet = body.model.mesh.tets[f.point.tet];
+      EdgeSample e = edge_sample(instruments[i].blade, i, static_cast<int>(k));
+      e.id = front_id(i, static_cast<int>(k), f);
+      e.body = f.body;
+      e.limit = body.toughness * instruments[i].blade.sample[k].width;
+      e.advance = f.advance;
+      int known = 0;
+      for (int a = 0; a < 4; ++a) {
+        e.node[a] = f.point.weight[a] > 0 ? patch.index(f.body, tet[a]) : -1;
+        e.weight[a] = std::max(f.point.weight[a], 0.0);
+        if (e.node[a] >= 0) known = e.node[a];
+      }
+      // A front whose nodes did not all find room in the patch is not felt in this step.
+      bool complete = true;
+      for (int a = 0; a < 4; ++a) {
+        complete = complete && (e.node[a] >= 0 || e.weight[a] == 0);
+        if (e.node[a] < 0) e.node[a] = known;
+      }
+      if (complete) problem.edge[problem.edges++] = e;
+    }
+  std::sort(problem.edge.begin(), problem.edge.begin() + problem.edges,
+            [](const EdgeSample& a, const EdgeSample& b) { return a.id < b.id; });
+}
+
+void CuttingStage::advance(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X,
+                           const CondensedProblem& problem, const ContactMemory& memory) {
+  for (int e = 0; e < problem.edges; ++e) {
+    const EdgeSample& edge = problem.edge[e];
+    const int i = edge.instrument;
+    if (!X.present[i]) continue;
+    const int k = static_cast<int>(edge.id % max_edge_samples);
+    const Vec3 d = X[i].q * instruments[i].blade.direction;
+    fronts_[i].advance(bodies, k, d, advance_to_realise(problem, memory, e));
+  }
+}
+
+}  // namespace hapticd
