@@ -141,19 +141,16 @@ CutStatus split_edge(TissueModel& model, TissueState& state, CutWorkspace& work,
   for (const int t : work.star)
     if (!keeps_quality(model, t, at, place, bound)) return CutStatus::poor;
 
-  work.nodes.clear();
+  // The other two nodes of each have one tetrahedron more, and the mass they had.
   for (const int t : work.star)
-    for (const int n : model.mesh.tets[t]) work.nodes.push_back(n);
+    for (const int n : model.mesh.tets[t]) ++state.live_tets_of_node[n];
   const int m = add_node(model, state, work, at, change);
-  work.nodes.push_back(m);
   for (const int t : work.star) add_half(model, state, work, t, at, m, change);
   for (const int t : work.star) join_halves(model, work, t, at, m);
   split_collapsed(model, state, work);
   for (const int t : work.star) work.label[t] = -1;
 
-  std::sort(work.nodes.begin(), work.nodes.end());
-  work.nodes.erase(std::unique(work.nodes.begin(), work.nodes.end()), work.nodes.end());
-  for (const int n : work.nodes) sum_star(model, state, work, n);
+  for (const int n : {at.a, at.b, m}) sum_star(model, state, work, n);
   return CutStatus::done;
 }
 

@@ -15,8 +15,8 @@
 
 namespace hapticd {
 
-// Dihedral quality: the least sine of the six dihedral angles, over the regular tetrahedron's 2√2/3. In (0,
-// 1]: small where an angle is near 0 or π. Negative for a negative tetrahedron.
+// The least sine of the six dihedral angles, over the regular tetrahedron's 2√2/3: 1 for that, small where an
+// angle is near 0 or π, negative for a negative tetrahedron.
 double dihedral_quality(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) noexcept;
 
 double mean_ratio(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) noexcept;
