@@ -55,6 +55,7 @@ struct Body {
   PartTimes* times = nullptr;
 
   // State.
+  int topology = 0;   // cuts so far: how often nodes were added or corners changed
   TissueState state;  // of a rigid body: the positions only
   BoundarySurface surface;
   std::unique_ptr<Compliance> compliance;  // deformable only

@@ -153,14 +153,7 @@ void SimulationLoop::count(const StepReport& report) {
 void SimulationLoop::show_bodies(const StepReport& report, SceneSnapshot& snapshot) {
   const Bodies& bodies = world_.bodies();
   snapshot.bodies.resize(bodies.size());
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    if (!bodies[b].deformable) continue;
-    BodySnapshot& out = snapshot.bodies[b];
-    out.nodes.resize(3 * bodies[b].state.x.size());
-    for (std::size_t n = 0; n < bodies[b].state.x.size(); ++n)
-      Eigen::Map<Eigen::Vector3f>(&out.nodes[3 * n]) = bodies[b].state.x[n].cast<float>();
-    pack_bits(bodies[b].state.alive, out.alive);
-  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) take_snapshot(bodies[b], snapshot.bodies[b]);
   snapshot.instruments.resize(world_.instruments().size());
   for (std::size_t i = 0; i < snapshot.instruments.size(); ++i)
     snapshot.instruments[i] = instruments_.front()[static_cast<int>(i)].X;

@@ -17,6 +17,7 @@ namespace {
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr auto turn = std::chrono::milliseconds(20);
 constexpr int turns_per_status = 5, turns_per_update = 2;
+constexpr std::int64_t geometry_every_ns = 100'000'000;  // a mesh that is being cut
 
 nlohmann::json percentiles(const Histogram& histogram, double unit) {
   const HistogramSnapshot h = histogram.snapshot();
@@ -46,12 +47,6 @@ std::vector<float> flat(const std::vector<Vec3>& nodes) {
 }
 
 }  // namespace
-
-void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>& bits) {
-  bits.assign((flags.size() + 7) / 8, 0);
-  for (std::size_t i = 0; i < flags.size(); ++i)
-    if (flags[i]) bits[i / 8] = static_cast<std::uint8_t>(bits[i / 8] | 1u << (i % 8));
-}
 
 nlohmann::json loop_summary(const LoopStatistics& s) {
   const std::uint64_t run = s.run.load(relaxed);
@@ -135,7 +130,8 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
 
 Diagnostics::~Diagnostics() { stop(); }
 
-void Diagnostics::write_captures(Channel<ContactCapture>& captures, const std::vector<Instrument>& instruments,
+void Diagnostics::write_captures(Channel<ContactCapture>& captures,
+                                 const std::vector<Instrument>& instruments,
                                  const std::filesystem::path& directory, int most) {
   std::error_code error;
   std::filesystem::create_directories(directory, error);
@@ -179,7 +175,7 @@ void Diagnostics::stop() noexcept {
 }
 
 void Diagnostics::run() noexcept {
-  publish_geometry();
+  publish_scene();
   for (std::uint64_t n = 0; !stopping_.load(relaxed); ++n) {
     drain();
     if (scope_.shows_scene) write_dds_log(monotonic_ns());
@@ -223,21 +219,28 @@ void Diagnostics::write_line(const ForceRecord& record) noexcept {
       "the recording ends, everything else goes on: the file cannot be written");
 }
 
-void Diagnostics::publish_geometry() {
+void Diagnostics::publish_geometry(std::size_t b, std::vector<float>& rest,
+                                   std::vector<std::uint32_t>& tets) {
+  const SceneBody& body = scene_.bodies[b];
+  hapticd_msg_SceneGeometry m{};
+  m.body = static_cast<std::uint32_t>(b);
+  m.name = const_cast<char*>(body.name.c_str());
+  m.deformable = body.kind == BodyKind::deformable;
+  m.nodes = borrowed<decltype(m.nodes)>(rest);
+  m.tets = borrowed<decltype(m.tets)>(tets);
+  geometry_.write(m);
+}
+
+void Diagnostics::publish_scene() {
   if (!scope_.shows_scene) return;
-  for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
-    const SceneBody& body = scene_.bodies[i];
-    std::vector<float> nodes = flat(body.mesh.nodes);
+  published_topology_.assign(scene_.bodies.size(), 0);
+  for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
+    const TetMesh& mesh = scene_.bodies[b].mesh;
+    std::vector<float> nodes = flat(mesh.nodes);
     std::vector<std::uint32_t> tets;
-    tets.reserve(4 * body.mesh.tets.size());
-    for (const Tet& t : body.mesh.tets) tets.insert(tets.end(), t.begin(), t.end());
-    hapticd_msg_SceneGeometry m{};
-    m.body = static_cast<std::uint32_t>(i);
-    m.name = const_cast<char*>(body.name.c_str());
-    m.deformable = body.kind == BodyKind::deformable;
-    m.nodes = borrowed<decltype(m.nodes)>(nodes);
-    m.tets = borrowed<decltype(m.tets)>(tets);
-    geometry_.write(m);
+    tets.reserve(4 * mesh.tets.size());
+    for (const Tet& t : mesh.tets) tets.insert(tets.end(), t.begin(), t.end());
+    publish_geometry(b, nodes, tets);
   }
   for (std::size_t i = 0; i < scene_.instruments.size(); ++i) {
     std::vector<float> shape = instrument_shape(scene_.instruments[i].shape);
@@ -260,9 +263,19 @@ void Diagnostics::publish_update() {
     for (int k = 0; k < 3; ++k) instruments.push_back(static_cast<float>(X.p[k]));
     for (int k = 0; k < 4; ++k) instruments.push_back(static_cast<float>(X.q.coeffs()[k]));
   }
+  const std::int64_t now = monotonic_ns();
+  const bool geometry_is_due = now - geometry_ns_ >= geometry_every_ns;
   for (std::size_t i = 0; i < snapshot.bodies.size(); ++i) {
     const BodySnapshot& body = snapshot.bodies[i];
     if (body.nodes.empty()) continue;
+    // After a cut: the new mesh first, and until it is due no places that the old one does not have.
+    if (body.topology != published_topology_[i]) {
+      if (!geometry_is_due) continue;
+      publish_geometry(i, const_cast<std::vector<float>&>(body.rest),
+                       const_cast<std::vector<std::uint32_t>&>(body.tets));
+      published_topology_[i] = body.topology;
+      geometry_ns_ = now;
+    }
     hapticd_msg_SceneUpdate m{};
     m.body = static_cast<std::uint32_t>(i);
     m.step = snapshot.step;

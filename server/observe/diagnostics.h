@@ -26,6 +26,7 @@
 #include "server/dds/dds.h"
 #include "server/dds/ros2_mirror.h"
 #include "server/observe/bag_recorder.h"
+#include "server/observe/body_snapshot.h"
 #include "server/observe/health.h"
 #include "server/os/realtime.h"
 #include "server/record/force_record.h"
@@ -33,18 +34,12 @@
 
 namespace hapticd {
 
-// A body as the simulation last left it.
-struct BodySnapshot {
-  std::vector<float> nodes;         // 3 per node, present positions [m]; empty for a rigid body
-  std::vector<std::uint8_t> alive;  // 1 bit per tetrahedron, least significant first
-};
-
-// What the simulation thread hands over after a step. Sizes do not change after the first.
+// What the simulation thread hands over after a step. Sizes change with cuts alone.
 struct SceneSnapshot {
-  std::uint64_t step = 0;            // 0: none yet
-  std::vector<BodySnapshot> bodies;  // in the scene's order
-  std::vector<Pose> instruments;     // in the scene
-  std::vector<float> contacts;       // 7 each (idl/scene.idl)
+  std::uint64_t step = 0;              // 0: none yet
+  std::vector<BodySnapshot> bodies;    // in the scene's order
+  std::vector<Pose> instruments;       // in the scene
+  std::vector<float> contacts;         // 7 each (idl/scene.idl)
   std::vector<std::uint8_t> pressing;  // 2 per contact (idl/scene.idl)
   std::uint32_t elements_removed = 0;
   std::uint32_t fragments_aspirated = 0;
@@ -52,9 +47,6 @@ struct SceneSnapshot {
   double rate_hz = 0;
   StepHealth health;
 };
-
-// One bit per entry, least significant first.
-void pack_bits(const std::vector<std::uint8_t>& flags, std::vector<std::uint8_t>& bits);
 
 // The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
 // slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, timer_us, solve_us,
@@ -91,7 +83,8 @@ class Diagnostics {
   Diagnostics(const Diagnostics&) = delete;
   Diagnostics& operator=(const Diagnostics&) = delete;
 
-  // grants: what the operating system refused is part of every status. realtime_core: the thread keeps off it.
+  // grants: what the operating system refused is part of every status. realtime_core: the thread keeps off
+  // it.
   void start(const std::vector<Grant>& grants = {}, std::optional<int> realtime_core = {});
   // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
   void stop() noexcept;
@@ -112,7 +105,8 @@ class Diagnostics {
   void run() noexcept;
   void drain();
   void write_line(const ForceRecord& record) noexcept;
-  void publish_geometry();
+  void publish_scene();
+  void publish_geometry(std::size_t body, std::vector<float>& rest, std::vector<std::uint32_t>& tets);
   void publish_status();
   void publish_update();
   void write_capture_if_new() noexcept;
@@ -140,6 +134,8 @@ class Diagnostics {
   std::int64_t rate_mark_ns_ = 0;
   double rate_hz_ = 0;
   std::uint64_t updated_step_ = 0;
+  std::vector<int> published_topology_;  // per body
+  std::int64_t geometry_ns_ = 0;         // when one was last published after a cut
   std::atomic<bool> recording_failed_{false};
   std::atomic<std::uint64_t> recorded_{0}, recording_lost_{0};
   std::atomic<bool> stopping_{false};

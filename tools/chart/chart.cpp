@@ -20,7 +20,7 @@ const std::vector<std::string>& lens_names() {
   return names;
 }
 
-TissueModel read_lens(const std::string& name) {
+TissueModel read_lens(const std::string& name, MeshRoom room) {
   const std::filesystem::path scenes = config_directory() / "scenes";
   const std::filesystem::path file =
       name == "1k" ? scenes / "cataract" / "lens.msh" : scenes / "lens_large" / ("lens_" + name + ".msh");
@@ -28,7 +28,7 @@ TissueModel read_lens(const std::string& name) {
   const MeshGroup* zonule = mesh.group("zonule");
   if (!zonule) throw InputError(file, 0, "", "has no group 'zonule'");
   const std::vector<int> fixed = zonule->nodes;
-  return make_tissue_model(std::move(mesh), {3.0e3, 0.45, 1090, 2.0, 2.0e-3}, fixed, Vec3::Zero());
+  return make_tissue_model(std::move(mesh), {3.0e3, 0.45, 1090, 2.0, 2.0e-3}, fixed, Vec3::Zero(), room);
 }
 
 void prepare_outputs(const std::string& stem, const std::string& header, const std::string& out, std::string& json,

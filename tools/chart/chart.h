@@ -17,7 +17,7 @@ namespace hapticd {
 const std::vector<std::string>& lens_names();
 
 // With the cataract scene's material, held at its zonule.
-TissueModel read_lens(const std::string& name);
+TissueModel read_lens(const std::string& name, MeshRoom room = {});
 
 // Where a chart's figures go: OUT/STEM.json and OUT/STEM.csv where only the folder is named. Makes folders.
 // Throws InputError for what may not be written over (server/files/output_file.h); header: of the table.

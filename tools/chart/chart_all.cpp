@@ -30,7 +30,7 @@ const std::vector<Entry>& charts() {
   static const std::vector<Entry> entries = {
       {"force", {"--quick"}, {}, 25, 900},   {"economy", {"--quick"}, {}, 15, 60, false},
       {"step", {"--quick"}, {}, 45, 600},    {"tissue", {"--quick"}, {}, 30, 1500},
-      {"removal", {"--quick"}, {}, 15, 600}, {"warping", {}, {}, 10, 10},
+      {"removal", {"--quick"}, {}, 15, 600}, {"cut", {"--quick"}, {}, 60, 300}, {"warping", {}, {}, 10, 10},
       {"lcp", {"--quick"}, {}, 60, 1200}};
   return entries;
 }

@@ -36,6 +36,7 @@ Command add_doctor(CLI::App& application);
 Command add_stability(CLI::App& application);
 Command add_view(CLI::App& application);
 Command add_chart_removal(CLI::App& chart);
+Command add_chart_cut(CLI::App& chart);
 Command add_chart_warping(CLI::App& chart);
 Command add_chart_lcp(CLI::App& chart);
 Command add_chart_economy(CLI::App& chart);

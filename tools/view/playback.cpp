@@ -79,6 +79,7 @@ struct Playback::State {
 
   double now = 0, speed = 1;
   bool playing = true;
+  std::vector<int> topology;  // per body, of the mesh that the view has
   std::int64_t last_ns = monotonic_ns();
   std::shared_ptr<const Frame> shown;
   double said_status = -1, said_ready = -1;
@@ -96,6 +97,7 @@ struct Playback::State {
       view.tell_body(static_cast<std::uint32_t>(b), body.name,
                      body.kind == BodyKind::deformable && body.simulated, body.mesh);
     }
+    topology.assign(scene.bodies.size(), 0);
     const SceneInstrument& held = scene.first();
     view.tell_instrument(0, 1, {held.name, held.device.id, instrument_shape(held.shape)});
     thread = std::thread([this] { compute(); });
@@ -103,6 +105,22 @@ struct Playback::State {
   ~State() {
     stopping = true;
     thread.join();
+  }
+
+  // A cut, or a step back to before it, changes the mesh.
+  void tell_topology(std::size_t b, const BodySnapshot& body) {
+    if (body.topology == topology[b]) return;
+    topology[b] = body.topology;
+    TetMesh mesh = scene.bodies[b].mesh;
+    if (body.topology > 0) {
+      mesh = {};
+      for (std::size_t i = 0; i + 2 < body.rest.size(); i += 3)
+        mesh.nodes.push_back(Eigen::Map<const Eigen::Vector3f>(&body.rest[i]).cast<double>());
+      for (std::size_t i = 0; i + 3 < body.tets.size(); i += 4)
+        mesh.tets.push_back({static_cast<int>(body.tets[i]), static_cast<int>(body.tets[i + 1]),
+                             static_cast<int>(body.tets[i + 2]), static_cast<int>(body.tets[i + 3])});
+    }
+    view.tell_body(static_cast<std::uint32_t>(b), scene.bodies[b].name, true, std::move(mesh));
   }
 
   struct Stopped {};
@@ -148,17 +166,10 @@ struct Playback::State {
     auto frame = std::make_shared<Frame>();
     frame->t = 1e-3 * static_cast<double>(step.slot);
     frame->step = step.world.steps();
-    for (const Body& body : step.world.bodies()) {
-      BodySnapshot& out = frame->bodies.emplace_back();
-      if (!body.deformable) continue;
-      for (const Vec3& x : body.state.x)
-        for (int i = 0; i < 3; ++i) out.nodes.push_back(static_cast<float>(x[i]));
-      pack_bits(body.state.alive, out.alive);
-    }
+    for (const Body& body : step.world.bodies()) take_snapshot(body, frame->bodies.emplace_back());
     const ForceRecord& first = step.newest.record[0];
     const Pose& X = first.instrument.X;
-    for (int i = 0; i < 3; ++i)
-      frame->instrument[static_cast<std::size_t>(i)] = static_cast<float>(X.p[i]);
+    for (int i = 0; i < 3; ++i) frame->instrument[static_cast<std::size_t>(i)] = static_cast<float>(X.p[i]);
     for (int i = 0; i < 4; ++i)
       frame->instrument[static_cast<std::size_t>(3 + i)] = static_cast<float>(X.q.coeffs()[i]);
     for (const ContactForce& c : step.contacts) {
@@ -189,9 +200,11 @@ struct Playback::State {
 
   void show(const Frame& frame) {
     for (std::size_t b = 0; b < frame.bodies.size(); ++b)
-      if (!frame.bodies[b].nodes.empty())
+      if (!frame.bodies[b].nodes.empty()) {
+        tell_topology(b, frame.bodies[b]);
         view.tell_motion(static_cast<std::uint32_t>(b), frame.t, frame.bodies[b].nodes,
                          frame.bodies[b].alive);
+      }
     view.tell_contacts(frame.t, frame.instrument, frame.contacts, {});
   }
 

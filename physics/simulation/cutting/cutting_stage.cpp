@@ -59,6 +59,7 @@ std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) 
     body.surface.follow(body.model, cut->change.tets, cut->change.opened);
     body.asleep = false;
     body.energy.elastic.resize(0);
+    ++body.topology;
     changed.push_back(static_cast<int>(b));
   }
   follow(bodies, changed);

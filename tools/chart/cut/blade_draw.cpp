@@ -11,7 +11,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double toughness = 1, speed = 10e-3;                                   // J/m², m/s
+constexpr double toughness = 1, speed = 10e-3;                                     // J/m², m/s
 constexpr double block_x = 24e-3, block_y = 12e-3, block_z = 10e-3, depth = 4e-3;  // m
 constexpr double first_x = -3e-3, measured_from = 7e-3, last_x = 15e-3;
 constexpr int samples = 16, samples_above = 4;
@@ -64,7 +64,8 @@ BladeDraw draw_blade(double h, int cells) {
   int measured = 0;
   const auto energy = [&] { return elastic_energy(world.bodies()[0].model, world.bodies()[0].state); };
   for (double x = first_x; x < last_x; x += speed * h) {
-    const InstrumentSample sample{{Vec3(x, block_y / 2 + 0.13e-3, edge_middle), Quat::Identity()}, true, false, false};
+    const InstrumentSample sample{
+        {Vec3(x, block_y / 2 + 0.13e-3, edge_middle), Quat::Identity()}, true, false, false};
     const auto begin = std::chrono::steady_clock::now();
     const StepReport report = world.step([&] { return InstrumentSamples(sample); }, *problem);
     ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());

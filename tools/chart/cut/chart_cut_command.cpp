@@ -104,8 +104,9 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
     for (const int cells : meshes)
       for (const double h : steps) {
         if (interrupted()) return 1;
-        progress.show(0.4 + 0.5 * static_cast<double>(draws.size()) / static_cast<double>(steps.size() * meshes.size()),
-                      "a blade drawn through a block");
+        progress.show(
+            0.4 + 0.5 * static_cast<double>(draws.size()) / static_cast<double>(steps.size() * meshes.size()),
+            "a blade drawn through a block");
         draws.push_back(draw_blade(h, cells));
       }
     progress.show(0.9, "a beam that tears");
@@ -119,9 +120,11 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
               cost.c_rel_error, cost.quality_min, cost.quality_before, cost.inverted,
               cost.invalid.empty() ? "valid" : cost.invalid.c_str());
   for (const BladeDraw& d : draws)
-    std::printf("  blade, h %4.0f ms, %d cells: force %.3f ± %.3f mN of %.3f; work %.4f mJ, J·area %.4f, elastic %+.4f\n",
-                d.h_ms, d.mesh, 1e3 * d.force_n, 1e3 * d.force_deviation_n, 1e3 * d.expected_n, 1e3 * d.work_j,
-                1e3 * d.released_j, 1e3 * d.elastic_j);
+    std::printf(
+        "  blade, h %4.0f ms, %d cells: force %.3f ± %.3f mN of %.3f; work %.4f mJ, J·area %.4f, elastic "
+        "%+.4f\n",
+        d.h_ms, d.mesh, 1e3 * d.force_n, 1e3 * d.force_deviation_n, 1e3 * d.expected_n, 1e3 * d.work_j,
+        1e3 * d.released_j, 1e3 * d.elastic_j);
   for (const TearingBeam& b : beams)
     std::printf("  beam, %5d nodes: tears at %.4f mN, theory %.4f (%+.1f %%)\n", b.nodes, 1e3 * b.load_n,
                 1e3 * b.theory_n, 100 * (b.load_n / b.theory_n - 1));

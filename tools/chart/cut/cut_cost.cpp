@@ -187,7 +187,8 @@ CutCostFigures chart_cut_cost(TissueModel model_with_room, int count, double h,
     const Vec3 middle = (X[f[0]] + X[f[1]] + X[f[2]]) / 3;
     const Vec3 normal = (X[f[1]] - X[f[0]]).cross(X[f[2]] - X[f[0]]).normalized();
     const int plane = planes.of(middle.z());
-    if (std::abs(normal.z()) < 0.8 || std::abs(middle.z() - planes.middle(plane)) > 0.25 * planes.distance) continue;
+    if (std::abs(normal.z()) < 0.8 || std::abs(middle.z() - planes.middle(plane)) > 0.25 * planes.distance)
+      continue;
     faces.push_back({{plane, middle.x(), middle}, id});
   }
   std::sort(faces.begin(), faces.end(), [](const Face& a, const Face& b) { return a.place < b.place; });
@@ -266,7 +267,9 @@ CutCostFigures chart_cut_cost(TissueModel model_with_room, int count, double h,
     const Tet& n = model.mesh.tets[t];
     const auto& X = model.mesh.nodes;
     figures.inverted += !(signed_volume(X[n[0]], X[n[1]], X[n[2]], X[n[3]]) > 0);
-    if (t >= first_new) figures.quality_min = std::min(figures.quality_min, dihedral_quality(X[n[0]], X[n[1]], X[n[2]], X[n[3]]));
+    if (t >= first_new)
+      figures.quality_min =
+          std::min(figures.quality_min, dihedral_quality(X[n[0]], X[n[1]], X[n[2]], X[n[3]]));
   }
   figures.invalid = run.check();
   figures.references = run.references();

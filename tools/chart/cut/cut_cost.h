@@ -16,22 +16,22 @@
 namespace hapticd {
 
 struct CutCost {
-  int count = 0;        // faces opened, or elements subdivided
-  int updates = 0;      // that were timed: an edge's elements are subdivided together
+  int count = 0;    // faces opened, or elements subdivided
+  int updates = 0;  // that were timed: an edge's elements are subdivided together
   double update_us_median = 0, update_us_p99 = 0, update_us_max = 0;
   double flatness = 0;  // median of the last tenth over that of the first
   double volume_rel_error = 0;
 };
 
 struct CutCostFigures {
-  int nodes = 0, tets = 0;          // before
+  int nodes = 0, tets = 0;  // before
   int nodes_after = 0, tets_after = 0;
   CutCost openings, subdivisions;
-  double c_rel_error = 0;           // of C_pp, the larger of those after both
-  double quality_before = 0;        // least dihedral quality
-  double quality_min = 0;           // … of the elements that cuts made
-  int inverted = 0;                 // elements without positive volume at rest
-  std::string invalid;              // what check_mesh says
+  double c_rel_error = 0;     // of C_pp, the larger of those after both
+  double quality_before = 0;  // least dihedral quality
+  double quality_min = 0;     // … of the elements that cuts made
+  int inverted = 0;           // elements without positive volume at rest
+  std::string invalid;        // what check_mesh says
   int references = 0;
 };
 

@@ -22,9 +22,8 @@ double theory(double crack, double width) {
 TearingBeam tear_beam(int n) {
   const double width = arm / n;
   const int along = static_cast<int>(std::lround(length / arm)) * n;
-  TissueModel model =
-      make_tissue_model(box_mesh({length, width, 2 * arm}, along, 1, 2 * n), {young, 0, 1000, 0, 0}, {},
-                        Vec3::Zero(), {4 * along, 0});
+  TissueModel model = make_tissue_model(box_mesh({length, width, 2 * arm}, along, 1, 2 * n),
+                                        {young, 0, 1000, 0, 0}, {}, Vec3::Zero(), {4 * along, 0});
   TissueState state = rest_state(model);
   BoundarySurface surface(model.mesh);
   CutWorkspace work(model);
@@ -54,7 +53,8 @@ TearingBeam tear_beam(int n) {
   for (int torn = 0; torn < 40 * n;) {
     Held held;
     for (int axis = 0; axis < 3; ++axis)
-      hold(model, axis, [&](const Vec3& X) { return axis == 1 || X.x() > length - tiny; }, held);
+      hold(
+          model, axis, [&](const Vec3& X) { return axis == 1 || X.x() > length - tiny; }, held);
     for (int k = model.nodes_in_use; k < model.node_count(); ++k)
       for (int axis = 0; axis < 3; ++axis) held[3 * k + axis] = 0;
     // Unit loads on the arms' ends: up on the upper, down on the lower.
@@ -74,7 +74,8 @@ TearingBeam tear_beam(int n) {
     const VecX u = solve_linear(model, load, held);
     // Linear: J grows with the square of the load. A load so small that nothing turns tells it.
     const double small = 1e-6 * arm / u.lpNorm<Eigen::Infinity>();
-    for (int k = 0; k < model.node_count(); ++k) state.x[k] = model.mesh.nodes[k] + small * u.segment<3>(3 * k);
+    for (int k = 0; k < model.node_count(); ++k)
+      state.x[k] = model.mesh.nodes[k] + small * u.segment<3>(3 * k);
     update_rotations(model, state);
     const std::vector<FrontEdge> fronts = crack_fronts(model, state, surface, arm / 2);
     double release = 0, front = 0;

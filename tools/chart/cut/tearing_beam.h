@@ -4,8 +4,8 @@
 //
 // Two arms of height H and width w are pulled apart by P at their ends; the crack of length a lies in the
 // mesh's middle plane. The load is raised until a face tears (physics/cutting/tearing.h), which is opened;
-// then again, while the crack goes on. ν = 0 and motion in the plane alone, so that it is a beam. Units: m, N.
-// Errors: none. Source: Kanninen, Int. J. Fracture 9 (1973) 83, for the turning of the arms' roots.
+// then again, while the crack goes on. ν = 0 and motion in the plane alone, so that it is a beam. Units: m,
+// N. Errors: none. Source: Kanninen, Int. J. Fracture 9 (1973) 83, for the turning of the arms' roots.
 #pragma once
 
 #include <vector>

@@ -1,0 +1,36 @@
+#include "server/observe/body_snapshot.h"
+
+#include <span>
+
+namespace hapticd {
+namespace {
+
+void flatten(std::span<const Vec3> nodes, std::vector<float>& out) {
+  out.resize(3 * nodes.size());
+  for (std::size_t n = 0; n < nodes.size(); ++n)
+    Eigen::Map<Eigen::Vector3f>(&out[3 * n]) = nodes[n].cast<float>();
+}
+
+}  // namespace
+
+void take_snapshot(const Body& body, BodySnapshot& out) {
+  if (!body.deformable) return;
+  const auto nodes = static_cast<std::size_t>(body.model.nodes_in_use);
+  const auto tets = static_cast<std::size_t>(body.model.tets_in_use);
+  flatten(std::span(body.state.x).first(nodes), out.nodes);
+  pack_bits(body.state.alive, tets, out.alive);
+  if (out.topology == body.topology) return;
+  out.topology = body.topology;
+  flatten(std::span(body.rest()).first(nodes), out.rest);
+  out.tets.clear();
+  for (const Tet& t : std::span(body.model.mesh.tets).first(tets))
+    out.tets.insert(out.tets.end(), t.begin(), t.end());
+}
+
+void pack_bits(const std::vector<std::uint8_t>& flags, std::size_t count, std::vector<std::uint8_t>& bits) {
+  bits.assign((count + 7) / 8, 0);
+  for (std::size_t i = 0; i < count; ++i)
+    if (flags[i]) bits[i / 8] = static_cast<std::uint8_t>(bits[i / 8] | 1u << (i % 8));
+}
+
+}  // namespace hapticd
