@@ -1,7 +1,6 @@
 // The contacts of a solve that press, as a person would draw them.
 //
-//   place s = p_instrument + arm,   force on the tissue F λ;   the instrument feels −Σ F λ; of two that
-//   touch, at the other
+//   place s = p_instrument + arm,   force on the tissue F λ;   the instrument feels −Σ F λ; of two that touch, at the other
 //
 // Units: m, N; scene axes.
 #pragma once

@@ -8,9 +8,9 @@
 //   hapticd_states_rejected_total, hapticd_conflicts_total, hapticd_foreign_forces_total,
 //   hapticd_solver_caps_total, hapticd_simulation_steps_total, _overruns_total,
 //   hapticd_elements_removed_total, …
-//   hapticd_device_info{device,instrument,world}   1: whose device it is; devices of one world share its
-//   steps hapticd_packets_refused_total, hapticd_dds_lines_total, hapticd_log_lines_lost_total      of the
-//   process hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, …                       gauges
+//   hapticd_device_info{device,instrument,world}   1: whose device it is; devices of one world share its steps
+//   hapticd_packets_refused_total, hapticd_dds_lines_total, hapticd_log_lines_lost_total      of the process
+//   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, …                       gauges
 //
 // A histogram's bounds are 2^k and 1.5·2^k ns, k = 12 … 27 (4 µs to 0.2 s). They are edges of the bins in
 // which the loops count (haptic/histogram.h), so no count is split. Units: seconds, newtons, bytes. Errors:
