@@ -26,6 +26,21 @@ bool is_sound(const PatchSample& s, int nodes) noexcept {
 
 bool at_least_zero(double x) noexcept { return x >= 0 && std::isfinite(x); }
 
+bool is_sound(const EdgeSample& e, int nodes) noexcept {
+  for (int a = 0; a < 4; ++a)
+    if (e.node[a] < 0 || e.node[a] >= nodes || !(std::abs(e.weight[a]) <= largest_weight)) return false;
+  return is_edge(e.id) && e.instrument >= 0 && e.instrument < max_instruments && e.place.allFinite() &&
+         std::abs(e.direction.norm() - 1) <= tolerance && at_least_zero(e.limit) && at_least_zero(e.advance);
+}
+
+// Memory is found by id, so two of one id would share it.
+bool edges_are_sound(const CondensedProblem& p) noexcept {
+  if (p.edges < 0 || p.edges > max_edge_samples) return false;
+  for (int k = 0; k < p.edges; ++k)
+    if (!is_sound(p.edge[k], p.nodes) || (k > 0 && p.edge[k - 1].id >= p.edge[k].id)) return false;
+  return true;
+}
+
 bool is_sound(const InstrumentReference& i) noexcept {
   return i.X_ref.p.allFinite() && i.X_ref.q.coeffs().allFinite() && at_least_zero(i.coupling.stiffness) &&
          at_least_zero(i.coupling.rotational_stiffness) && at_least_zero(i.coupling.damping_time);
@@ -60,7 +75,8 @@ bool is_sound(const CondensedProblem& p) noexcept {
     if (!is_sound(p.sample[k], p.nodes)) return false;
   for (const InstrumentReference& i : p.instrument.value)
     if (!is_sound(i)) return false;
-  return positions_are_sound(p) && at_least_zero(p.instrument_friction) && compliance_is_sound(p);
+  return positions_are_sound(p) && edges_are_sound(p) && at_least_zero(p.instrument_friction) &&
+         compliance_is_sound(p);
 }
 
 }  // namespace hapticd

@@ -13,7 +13,8 @@ constexpr double quantum_energy = 10e-6;  // that one reading may be worth [J]
 constexpr double quantum_force = 8;       // … beyond which the lag does not help [N]
 constexpr double quantum_lag = 0.15e-3;   // [s]
 
-// β of each node, from the body in the ids of the samples on it. False if all are zero.
+// β of each node, from the body in the ids of the samples on it, or of the front in it. False if all are
+// zero.
 bool find_relaxation(const CondensedProblem& p, const ViscousOptions& options,
                      std::array<double, max_patch_nodes>& relaxation) noexcept {
   std::fill_n(relaxation.begin(), p.nodes, 0.0);
@@ -24,6 +25,11 @@ bool find_relaxation(const CondensedProblem& p, const ViscousOptions& options,
     if (s.node[0] < 0 || body >= options.relaxation.size()) continue;
     for (const int n : s.node) relaxation[n] = options.relaxation[body];
     any = any || options.relaxation[body] > 0;
+  }
+  for (int k = 0; k < p.edges; ++k) {
+    const auto body = static_cast<std::size_t>(p.edge[k].body);
+    if (body < options.relaxation.size())
+      for (const int n : p.edge[k].node) relaxation[n] = options.relaxation[body];
   }
   return any;
 }

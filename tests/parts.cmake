@@ -10,4 +10,4 @@ list(APPEND reader_sources
      ${SERVER}/record/bag_reader.cpp ${SERVER}/record/ros2_messages.cpp
      ${PHYSICS}/tissue/surface.cpp ${PHYSICS}/tissue/mesh_quality.cpp)
 file(GLOB tick_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/haptic/*.cpp ${PHYSICS}/contact/*.cpp
-     ${PHYSICS}/contact/distance/*.cpp ${PHYSICS}/contact/solver/*.cpp)
+     ${PHYSICS}/contact/cutting/*.cpp ${PHYSICS}/contact/distance/*.cpp ${PHYSICS}/contact/solver/*.cpp)

@@ -5,7 +5,8 @@
 // It carries the *patch* of tissue surface within the instruments' reach: patch nodes, the
 // compliance C_pp between them, their free positions (where they would be at the end of the step
 // without contact) and present positions, and fixed material sample points on the patch's triangles.
-// Rows H, J are built from it by `build_rows` (rows.h), the same pure function on either side.
+// A blade's edge samples are beside them (edge_sample.h). Rows H, J are built from it by `build_rows`
+// (rows.h), the same pure function on either side.
 //
 // Units: m, N, m/N. Shapes: C_pp is (3·nodes)×(3·nodes), column-major, node-wise interleaved x,y,z,
 // leading dimension `3 * nodes`. Fixed capacity: this is a plain value of ~3 MB that is written in
@@ -17,6 +18,7 @@
 #include <array>
 #include <cstdint>
 
+#include "physics/contact/cutting/edge_sample.h"
 #include "physics/contact/instruments.h"
 #include "physics/types.h"
 
@@ -67,11 +69,13 @@ struct CondensedProblem {
 
   int nodes = 0;
   int samples = 0;
+  int edges = 0;
   int dropped_samples = 0;                   // did not fit max_patch_samples (nearest are kept)
   std::array<Vec3, max_patch_nodes> x_free;  // [m]
   std::array<Vec3, max_patch_nodes>
       x_now;  // at the begin of the step, or where an interim problem begins [m]
   std::array<PatchSample, max_patch_samples> sample;                            // sorted by id
+  std::array<EdgeSample, max_edge_samples> edge;                                // sorted by id
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
 
   Eigen::Map<const MatX> C() const noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }

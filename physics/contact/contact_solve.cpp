@@ -20,7 +20,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "physics/contact/contact_pairs.h"
+#include "physics/contact/cutting/edge_rows.h"
 #include "physics/contact/missed_contact.h"
 #include "physics/contact/placed_instruments.h"
 
@@ -56,37 +56,47 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
     for (int c = 0; c < m; ++c) scratch.lambda[m * i + c] = l[c];
     scratch.active[i] = l[0] > 0;
     scratch.mu[i] = row.friction;
+    scratch.limit[i] = row.limit;
   }
 }
 
-// Normal forces for the friction there is; friction stays in its cone.
+// Normal forces for the friction there is; friction stays in its cone. Edges keep their forces: theirs are
+// bounded, and sweeps move them.
 void solve_normals(const ContactOptions& options, ContactScratch& scratch) noexcept {
   const ContactRows& rows = scratch.rows;
-  const int n = rows.contacts;
+  std::array<int, max_contacts> contact;
+  int n = 0;
+  for (int i = 0; i < rows.contacts; ++i)
+    if (rows.row[i].edge < 0) contact[n++] = i;
   const auto W = rows.W();
   Eigen::Map<MatX> W_nn(scratch.normal_W.data(), n, n);
   Eigen::Map<VecX> q_n(scratch.normal_q.data(), n), z(scratch.normal_lambda.data(), n);
   for (int i = 0; i < n; ++i) {
-    z[i] = scratch.lambda[3 * i];
+    z[i] = scratch.lambda[3 * contact[i]];
     scratch.active[i] = z[i] > 0;
-    q_n[i] = rows.q()[3 * i];
+    q_n[i] = rows.q()[3 * contact[i]];
   }
   for (int j = 0; j < n; ++j) {
-    const Vec3 l = local_lambda(scratch, j);
+    const int of = 3 * contact[j];
+    const Vec3 l = local_lambda(scratch, contact[j]);
     for (int i = 0; i < n; ++i) {
-      W_nn(i, j) = W(3 * i, 3 * j);
-      q_n[i] += W(3 * i, 3 * j + 1) * l[1] + W(3 * i, 3 * j + 2) * l[2];
+      const int to = 3 * contact[i];
+      W_nn(i, j) = W(to, of);
+      q_n[i] += W(to, of + 1) * l[1] + W(to, of + 2) * l[2];
     }
   }
+  for (int j = 0; n < rows.contacts && j < rows.contacts; ++j)
+    for (int i = 0; rows.row[j].edge >= 0 && i < n; ++i)
+      q_n[i] += W(3 * contact[i], 3 * j) * scratch.lambda[3 * j];
   LcpOptions lcp = options.lcp;
   lcp.deadline = options.deadline;
   const LcpResult r =
       solve_lcp(W_nn, q_n, z, {scratch.active.data(), static_cast<std::size_t>(n)}, scratch.lcp, 0, lcp);
   if (r.status != SolveStatus::solved) return;
   for (int i = 0; i < n; ++i) {
-    Eigen::Map<Vec3> l(scratch.lambda.data() + 3 * i);
+    Eigen::Map<Vec3> l(scratch.lambda.data() + 3 * contact[i]);
     l[0] = z[i];
-    const double t = l.tail<2>().norm(), most = scratch.mu[i] * l[0];
+    const double t = l.tail<2>().norm(), most = scratch.mu[contact[i]] * l[0];
     if (t > most) l.tail<2>() *= most / t;
   }
 }
@@ -96,8 +106,9 @@ void solve_friction(const CoulombOptions& options, ContactScratch& scratch, Cont
   const ContactRows& rows = scratch.rows;
   Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
   const std::span<const double> mu{scratch.mu.data(), static_cast<std::size_t>(rows.contacts)};
+  const std::span<const double> limit{scratch.limit.data(), rows.edges > 0 ? mu.size() : 0};
   const CoulombResult r =
-      solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, options);
+      solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, options, limit);
   out.status = r.status;
   out.residual = r.residual;
   out.near = out.near || (options.max_newton == 0 && r.sweeps > 0);
@@ -166,11 +177,19 @@ void remember_linearisation(const ContactScratch& scratch, ContactMemory& memory
   memory.count = scratch.rows.contacts;
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const ContactRow& row = scratch.rows.row[i];
-    memory.entry[i] = {row.id,          row.frame * local_lambda(scratch, i),
-                       row.anchor,      false,
-                       row.primitive,   row.instrument,
-                       row.other_anchor};
+    memory.entry[i] = {row.id,           row.frame * local_lambda(scratch, i),
+                       row.anchor,       false,
+                       row.primitive,    row.instrument,
+                       row.other_anchor, row.advance};
   }
+}
+
+// δ of some rows, from this one on. W is symmetric: its columns are its rows, and contiguous.
+template <int count>
+Eigen::Matrix<double, count, 1> delta(const ContactScratch& scratch, int first) noexcept {
+  const ContactRows& rows = scratch.rows;
+  const Eigen::Map<const VecX> lambda(scratch.lambda.data(), rows.rows());
+  return rows.W().middleCols<count>(first).transpose() * lambda + rows.q().segment<count>(first);
 }
 
 bool sticks(const ContactScratch& scratch, int i) noexcept {
@@ -179,12 +198,8 @@ bool sticks(const ContactScratch& scratch, int i) noexcept {
   const double mu = rows.row[i].friction;
   if (rows.rows_per_contact == 1 || mu <= 0 || l[0] <= 0) return false;
   if (l.tail<2>().norm() <= inside_the_cone * mu * l[0]) return true;
-  const auto W = rows.W();
-  const Eigen::Map<const VecX> lambda(scratch.lambda.data(), rows.rows());
-  // W is symmetric: its columns are its rows, and contiguous.
-  const int t = 3 * i + 1;
-  const Eigen::Vector2d slip = W.middleCols<2>(t).transpose() * lambda + rows.q().segment<2>(t);
-  return slip.norm() <= sticking_slip * W.block<3, 3>(3 * i, 3 * i).trace() / 3 * l.norm();
+  return delta<2>(scratch, 3 * i + 1).norm() <=
+         sticking_slip * rows.W().block<3, 3>(3 * i, 3 * i).trace() / 3 * l.norm();
 }
 
 // Memory of the solve for the next one. `place` gives a sample's place in the instrument's frame. X_lin: of
@@ -198,7 +213,10 @@ void remember_solve(const CondensedProblem& problem, const InstrumentPoses& X_li
     e.sticking = sticks(scratch, i);
     const ContactRow& row = scratch.rows.row[i];
     if (e.sticking) continue;
-    if (row.other < 0) {
+    if (row.edge >= 0) {
+      const int n = scratch.rows.rows_per_contact * i;
+      e.advance = advance_after(row, scratch.rows.W()(n, n), scratch.lambda[n], delta<1>(scratch, n)[0]);
+    } else if (row.other < 0) {
       e.anchor = place(row, sample_position(problem, scratch.x, row.sample));
     } else {
       e.anchor = X_lin[row.instrument].q.conjugate() * row.arm;
@@ -314,37 +332,6 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   if (serves(options, out)) remember(state.memory);
 }
 
-// Of one instrument. held: by rows of it.
-double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
-                       const ContactScratch& scratch, double& lost) noexcept {
-  double deepest = 0;
-  const ContactRows& rows = scratch.rows;
-  int tissue = rows.contacts;
-  while (tissue > 0 && rows.row[tissue - 1].other >= 0) --tissue;
-  int row = 0;  // rows are by sample, then instrument, then primitive; those without tissue come last
-  for (int k = 0; k < problem.samples; ++k) {
-    const Vec3 s = sample_position(problem, scratch.x, k);
-    const auto before = [&](const ContactRow& r) {
-      return r.sample != k ? r.sample < k : r.instrument < instrument;
-    };
-    while (row < tissue && before(rows.row[row])) ++row;
-    int end = row;
-    while (end < tissue && rows.row[end].sample == k && rows.row[end].instrument == instrument) ++end;
-    const bool all_held = end - row == static_cast<int>(placed.primitives());
-    if (!placed.near(s, all_held ? -deepest : -lost)) continue;
-    const double overlap = -placed.gap(s).distance;
-    deepest = std::max(deepest, overlap);
-    if (all_held) continue;
-    // How deep it is in the primitives that it has rows for: one of them may imply the nearest's.
-    double activation = -std::numeric_limits<double>::infinity();
-    for (int i = row; i < end; ++i)
-      activation =
-          std::max(activation, -placed.gap(static_cast<std::size_t>(rows.row[i].primitive), s).distance);
-    if (overlap > activation + same_gap) lost = std::max(lost, overlap);
-  }
-  return deepest;
-}
-
 }  // namespace
 
 ContactSolution solve_contact(const CondensedProblem& problem, Instruments instruments,
@@ -377,8 +364,8 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
   const PlacedInstruments placed(instruments, out.instrument);
   for (int i = 0; i < instruments.count(); ++i)
     if (placed.at(i))
-      out.penetration =
-          std::max(out.penetration, deepest_overlap(problem, *placed.at(i), i, scratch, out.lost));
+      out.penetration = std::max(
+          out.penetration, deepest_overlap(problem, *placed.at(i), i, scratch.rows, scratch.x, out.lost));
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;
   else if (state.resumed > 0 && out.residual <= options.usable_residual)

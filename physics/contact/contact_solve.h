@@ -64,6 +64,7 @@ struct ContactScratch {
   std::array<double, max_rows> lambda{};
   std::array<std::uint8_t, max_rows> active{};
   std::array<double, max_contacts> mu{};
+  std::array<double, max_contacts> limit{};
 };
 
 struct ContactSolution {

@@ -1,6 +1,7 @@
 #include "physics/contact/delassus.h"
 
 #include <algorithm>
+#include <type_traits>
 
 namespace hapticd {
 namespace {
@@ -21,13 +22,17 @@ template <int columns>
 class Panel {
  public:
   void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row) noexcept {
-    deforms_ = row.other < 0 && problem.sample[row.sample].node[0] >= 0;
+    deforms_ = !node_weights(problem, row).node.empty();
     for (int c = 0; c < columns; ++c) {
       const Vec3 f = row.frame.col(c);
       shift_[c] = lanes(K_inv_diag.head<3>().cwiseProduct(f));
       turn_[c] = K_inv_diag.tail<3>().cwiseProduct(row.arm.cross(f));
     }
-    if (deforms_) fill_nodes(problem, problem.sample[row.sample], row.frame);
+    if (!deforms_) return;
+    if (row.edge < 0)
+      fill_nodes(problem, problem.sample[row.sample], row.frame);
+    else
+      fill_nodes(problem, problem.edge[row.edge], row.frame);
   }
 
   // Displacement of another contact's point per unit of this one's force in direction c: G f.
@@ -37,26 +42,40 @@ class Panel {
     return s.weight[0] * load(p + 3 * s.node[0]) + s.weight[1] * load(p + 3 * s.node[1]) +
            s.weight[2] * load(p + 3 * s.node[2]);
   }
+  Lanes tissue(const EdgeSample& s, int c) const noexcept {
+    Lanes u{};
+    for (int a = 0; deforms_ && a < 4; ++a) u += s.weight[a] * load(node_[c].data() + 3 * s.node[a]);
+    return u;
+  }
   // B f is shift + turn × arm there.
   Lanes shift(int c) const noexcept { return shift_[c]; }
   const Vec3& turn(int c) const noexcept { return turn_[c]; }
 
  private:
   // One pass over the nine columns of C; the loop is written for the vectoriser.
-  void fill_nodes(const CondensedProblem& problem, const PatchSample& s, const Mat3& frame) noexcept {
+  template <typename Sample>
+  void fill_nodes(const CondensedProblem& problem, const Sample& s, const Mat3& frame) noexcept {
+    constexpr bool four = std::is_same_v<Sample, EdgeSample>;
     const int size = 3 * problem.nodes;
     const double* __restrict C0 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[0]) * size;
     const double* __restrict C1 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[1]) * size;
     const double* __restrict C2 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[2]) * size;
-    const double w0 = s.weight[0], w1 = s.weight[1], w2 = s.weight[2];
+    const double* __restrict C3 =
+        problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[four ? 3 : 0]) * size;
+    const double w0 = s.weight[0], w1 = s.weight[1], w2 = s.weight[2], w3 = s.weight[four ? 3 : 0];
     const Mat3 f = frame;
     double* __restrict out0 = node_[0].data();
     double* __restrict out1 = node_[columns > 1 ? 1 : 0].data();
     double* __restrict out2 = node_[columns > 1 ? 2 : 0].data();
     for (int k = 0; k < size; ++k) {
-      const double x = w0 * C0[k] + w1 * C1[k] + w2 * C2[k];
-      const double y = w0 * C0[size + k] + w1 * C1[size + k] + w2 * C2[size + k];
-      const double z = w0 * C0[2 * size + k] + w1 * C1[2 * size + k] + w2 * C2[2 * size + k];
+      double x = w0 * C0[k] + w1 * C1[k] + w2 * C2[k];
+      double y = w0 * C0[size + k] + w1 * C1[size + k] + w2 * C2[size + k];
+      double z = w0 * C0[2 * size + k] + w1 * C1[2 * size + k] + w2 * C2[2 * size + k];
+      if constexpr (four) {
+        x += w3 * C3[k];
+        y += w3 * C3[size + k];
+        z += w3 * C3[2 * size + k];
+      }
       out0[k] = f(0, 0) * x + f(1, 0) * y + f(2, 0) * z;
       if constexpr (columns > 1) {
         out1[k] = f(0, 1) * x + f(1, 1) * y + f(2, 1) * z;
@@ -82,11 +101,13 @@ struct Probe<1> {
   Probe() = default;
   explicit Probe(const ContactRow& row) noexcept
       : normal(lanes(row.frame.col(0))), moment(lanes(row.arm.cross(row.frame.col(0)))) {}
-  double operator()(const Panel<1>& panel, const PatchSample& s, int) const noexcept {
+  template <typename Sample>
+  double operator()(const Panel<1>& panel, const Sample& s, int) const noexcept {
     const Lanes w = normal * (panel.tissue(s, 0) + panel.shift(0)) + moment * lanes(panel.turn(0));
     return w[0] + w[1] + w[2];
   }
-  double tissue(const Panel<1>& panel, const PatchSample& s, int) const noexcept {
+  template <typename Sample>
+  double tissue(const Panel<1>& panel, const Sample& s, int) const noexcept {
     const Lanes w = normal * panel.tissue(s, 0);
     return w[0] + w[1] + w[2];
   }
@@ -105,13 +126,15 @@ struct Probe<3> {
     }
     for (int k = 0; k < 3; ++k) moment[k][3] = 0;
   }
-  Lanes operator()(const Panel<3>& panel, const PatchSample& s, int c) const noexcept {
+  template <typename Sample>
+  Lanes operator()(const Panel<3>& panel, const Sample& s, int c) const noexcept {
     const Lanes u = panel.tissue(s, c) + panel.shift(c);
     const Vec3& turn = panel.turn(c);
     return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2] + turn[0] * moment[0] +
            turn[1] * moment[1] + turn[2] * moment[2];
   }
-  Lanes tissue(const Panel<3>& panel, const PatchSample& s, int c) const noexcept {
+  template <typename Sample>
+  Lanes tissue(const Panel<3>& panel, const Sample& s, int c) const noexcept {
     const Lanes u = panel.tissue(s, c);
     return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2];
   }
@@ -147,9 +170,9 @@ double missing_compliance(const CondensedProblem& problem, const Vec6& K_inv_dia
   const Vec3 turn = K_inv_diag.tail<3>();
   double B = K_inv_diag.head<3>().sum(), G = 0;
   for (int c = 0; c < 3; ++c) B += turn[c] * (row.arm.squaredNorm() - row.arm[c] * row.arm[c]);
-  const PatchSample& s = problem.sample[row.sample];
   for (int c = 0; c < columns; ++c) {
-    const Lanes u = panel.tissue(s, c);
+    const Lanes u =
+        row.edge < 0 ? panel.tissue(problem.sample[row.sample], c) : panel.tissue(problem.edge[row.edge], c);
     G += row.frame.col(c).dot(Vec3(u[0], u[1], u[2]));
   }
   return std::max(0.0, rigid_compliance * B / 3 - G / columns);
@@ -176,13 +199,18 @@ void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv
           W.template block<m, m>(m * j, m * j).diagonal().array() += rigid_compliance * B.trace() / 3;
         continue;
       }
-      const PatchSample& sample = problem.sample[row.sample];
-      for (int c = 0; c < m; ++c) {
-        const auto w =
-            row.instrument == of.instrument ? probe[i](panel, sample, c) : probe[i].tissue(panel, sample, c);
-        for (int r = i == j ? c : 0; r < m; ++r)
-          W(m * i + r, m * j + c) = W(m * j + c, m * i + r) = entry(w, r);
-      }
+      const auto fill = [&](const auto& sample) {
+        for (int c = 0; c < m; ++c) {
+          const auto w = row.instrument == of.instrument ? probe[i](panel, sample, c)
+                                                         : probe[i].tissue(panel, sample, c);
+          for (int r = i == j ? c : 0; r < m; ++r)
+            W(m * i + r, m * j + c) = W(m * j + c, m * i + r) = entry(w, r);
+        }
+      };
+      if (row.edge < 0)
+        fill(problem.sample[row.sample]);
+      else
+        fill(problem.edge[row.edge]);
     }
     if (of.other >= 0) continue;
     const double missing = missing_compliance(problem, K_inv_diag[of.instrument], of, panel);

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "physics/contact/cutting/blade.h"
 #include "physics/types.h"
 
 namespace hapticd {
@@ -30,6 +31,7 @@ struct Primitive {
 struct Instrument {
   std::vector<Primitive> primitives;
   int tip = 0;  // the primitive that destroys tissue, index into `primitives`
+  Blade blade;
 };
 
 struct Gap {

@@ -71,6 +71,35 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
   return false;
 }
 
+double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
+                       const ContactRows& rows, const PatchPositions& x, double& lost) noexcept {
+  double deepest = 0;
+  int tissue = rows.contacts;
+  while (tissue > 0 && rows.row[tissue - 1].sample < 0) --tissue;
+  int row = 0;  // rows are by sample, then instrument, then primitive; those without a sample come last
+  for (int k = 0; k < problem.samples; ++k) {
+    const Vec3 s = sample_position(problem, x, k);
+    const auto before = [&](const ContactRow& r) {
+      return r.sample != k ? r.sample < k : r.instrument < instrument;
+    };
+    while (row < tissue && before(rows.row[row])) ++row;
+    int end = row;
+    while (end < tissue && rows.row[end].sample == k && rows.row[end].instrument == instrument) ++end;
+    const bool all_held = end - row == static_cast<int>(placed.primitives());
+    if (!placed.near(s, all_held ? -deepest : -lost)) continue;
+    const double overlap = -placed.gap(s).distance;
+    deepest = std::max(deepest, overlap);
+    if (all_held) continue;
+    // How deep it is in the primitives that it has rows for: one of them may imply the nearest's.
+    double activation = -std::numeric_limits<double>::infinity();
+    for (int i = row; i < end; ++i)
+      activation =
+          std::max(activation, -placed.gap(static_cast<std::size_t>(rows.row[i].primitive), s).distance);
+    if (overlap > activation + same_gap) lost = std::max(lost, overlap);
+  }
+  return deepest;
+}
+
 double longest_in_reach(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
                         const EachInstrument<Vec6>& way) noexcept {
   if (instruments.count() == 1) return longest(way);

@@ -34,6 +34,11 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
                                double margin, const Reached& end) noexcept;
 
+// Of one instrument at the end of a solve: the deepest true overlap of any sample [m], ≥ 0; `lost` grows to
+// that of the samples that no row holds.
+double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
+                       const ContactRows& rows, const PatchPositions& x_end, double& lost) noexcept;
+
 // The longest translation of those that at X have a sample or another instrument within the alarm distance: what
 // the others do, far away, is nothing to a solve. Of one instrument alone it is its own [m].
 double longest_in_reach(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,

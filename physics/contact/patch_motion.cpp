@@ -9,10 +9,9 @@ namespace {
 
 using NodeForces = std::array<double, 3 * max_patch_nodes>;
 
-void add_force(const PatchSample& s, const Vec3& force, NodeForces& f) noexcept {
-  if (s.node[0] < 0) return;
-  for (int a = 0; a < 3; ++a)
-    for (int c = 0; c < 3; ++c) f[3 * s.node[a] + c] += s.weight[a] * force[c];
+void add_force(const NodeWeights& at, const Vec3& force, NodeForces& f) noexcept {
+  for (std::size_t a = 0; a < at.node.size(); ++a)
+    for (int c = 0; c < 3; ++c) f[3 * at.node[a] + c] += at.weight[a] * force[c];
 }
 
 void apply_compliance(const CondensedProblem& problem, const NodeForces& f, PatchPositions& x) noexcept {
@@ -27,14 +26,48 @@ void apply_compliance(const CondensedProblem& problem, const NodeForces& f, Patc
     x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
 }
 
+template <typename Sample>
+const Sample* find_by_id(const Sample* begin, int count, std::uint64_t id) noexcept {
+  const Sample* const end = begin + count;
+  const Sample* found =
+      std::lower_bound(begin, end, id, [](const Sample& s, std::uint64_t key) { return s.id < key; });
+  return found != end && found->id == id ? found : nullptr;
+}
+
 const PatchSample* find_sample(const CondensedProblem& problem, std::uint64_t id) noexcept {
-  const auto begin = problem.sample.begin(), end = begin + problem.samples;
-  const auto found =
-      std::lower_bound(begin, end, id, [](const PatchSample& s, std::uint64_t key) { return s.id < key; });
-  return found != end && found->id == id ? &*found : nullptr;
+  return find_by_id(problem.sample.data(), problem.samples, id);
+}
+
+const EdgeSample* find_edge(const CondensedProblem& problem, std::uint64_t id) noexcept {
+  return find_by_id(problem.edge.data(), problem.edges, id);
+}
+
+// None: no such sample, or an obstacle's.
+NodeWeights find_nodes(const CondensedProblem& problem, std::uint64_t id) noexcept {
+  if (!is_edge(id)) {
+    const PatchSample* sample = find_sample(problem, id);
+    return sample ? node_weights(*sample) : NodeWeights{};
+  }
+  const EdgeSample* edge = find_edge(problem, id);
+  return edge ? NodeWeights{edge->node, edge->weight} : NodeWeights{};
+}
+
+bool is_there(const CondensedProblem& problem, std::uint64_t id) noexcept {
+  return is_pair(id) ||
+         (is_edge(id) ? find_edge(problem, id) != nullptr : find_sample(problem, id) != nullptr);
 }
 
 }  // namespace
+
+NodeWeights node_weights(const PatchSample& s) noexcept {
+  return s.node[0] < 0 ? NodeWeights{} : NodeWeights{s.node, s.weight};
+}
+
+NodeWeights node_weights(const CondensedProblem& problem, const ContactRow& row) noexcept {
+  if (row.sample >= 0) return node_weights(problem.sample[row.sample]);
+  if (row.edge < 0) return {};
+  return {problem.edge[row.edge].node, problem.edge[row.edge].weight};
+}
 
 const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument) const noexcept {
   const auto end = entry.begin() + count;
@@ -60,7 +93,7 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
     Vec3 force = Vec3::Zero();
     for (int c = 0; c < rows.rows_per_contact; ++c)
       force += lambda[rows.rows_per_contact * i + c] * rows.row[i].frame.col(c);
-    if (rows.row[i].other < 0) add_force(problem.sample[rows.row[i].sample], force, f);
+    add_force(node_weights(problem, rows.row[i]), force, f);
   }
   apply_compliance(problem, f, x);
 }
@@ -74,10 +107,9 @@ Vec3 ContactMemory::force_on(std::uint64_t id) const noexcept {
 }
 
 bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept {
-  return std::any_of(memory.entry.begin(), memory.entry.begin() + memory.count,
-                     [&](const ContactMemory::Entry& e) {
-                       return !e.lambda.isZero(0) && !is_pair(e.id) && find_sample(problem, e.id) == nullptr;
-                     });
+  return std::any_of(
+      memory.entry.begin(), memory.entry.begin() + memory.count,
+      [&](const ContactMemory::Entry& e) { return !e.lambda.isZero(0) && !is_there(problem, e.id); });
 }
 
 void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
@@ -89,8 +121,7 @@ void displaced_patch(const CondensedProblem& problem, const ContactMemory& memor
   }
   NodeForces f{};
   for (int m = 0; m < memory.count; ++m)
-    if (const PatchSample* sample = find_sample(problem, memory.entry[m].id))
-      add_force(*sample, memory.entry[m].lambda, f);
+    add_force(find_nodes(problem, memory.entry[m].id), memory.entry[m].lambda, f);
   apply_compliance(problem, f, x);
 }
 

@@ -18,6 +18,7 @@
 
 #include "physics/contact/contact_pairs.h"
 #include "physics/contact/contact_selection.h"
+#include "physics/contact/cutting/edge_rows.h"
 #include "physics/contact/delassus.h"
 #include "physics/contact/instrument_pairs.h"
 #include "physics/contact/missed_contact.h"
@@ -55,7 +56,8 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
     rows.row[i].sample = sample;
     rows.row[i].instrument = instrument;
     rows.row[i].primitive = gap.primitive;
-    rows.row[i].other = -1;
+    rows.row[i].other = rows.row[i].edge = -1;
+    rows.row[i].limit = no_limit;
     rows.row[i].gap = gap.distance;
     rows.row[i].frame.col(0) = gap.normal;
   };
@@ -108,6 +110,8 @@ void add_pairs(const CondensedProblem& problem, const InstrumentPairs& pairs, co
     row.instrument = pair.instrument;
     row.primitive = pair.primitive;
     row.other = pair.other;
+    row.edge = -1;
+    row.limit = no_limit;
     row.id = pair.id;
     row.gap = pair.gap.distance;
     row.friction = problem.instrument_friction;
@@ -156,18 +160,24 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
   const Within rows_part(times, ContactPart::rows);
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
   select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, margin, reached,
-         max_contacts - pairs.count(), rows);
+         max_contacts - pairs.count() - count_edges(problem, X_lin), rows);
+  add_edges(problem, X_lin, x_lin, memory, rows);
   add_pairs(problem, pairs, X_lin, K_inv_diag, rows);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
-    if (row.other < 0) row.friction = problem.sample[row.sample].friction;
-    if (row.friction > 0) rows.rows_per_contact = 3;
+    if (row.sample >= 0) row.friction = problem.sample[row.sample].friction;
+    if (row.friction > 0 || row.edge >= 0) rows.rows_per_contact = 3;
   }
 
   const EachInstrument<Vec6> shift = difference(X_free, X_lin);
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
+    if (row.edge >= 0) {
+      row.delta_free[0] += coupled(row, shift)[0];
+      set_q(rows, i, row.delta_free);
+      continue;
+    }
     const Pose& X = X_lin[row.instrument];
     const Vec3 normal = row.frame.col(0);
     row.frame = contact_frame(normal);
@@ -204,7 +214,13 @@ void shift_rows(const CondensedProblem& problem, const InstrumentPoses& X_frozen
   const EachInstrument<Vec6> shift = difference(X_free, X_frozen);
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
-    if (rows.rows_per_contact == 3) {
+    if (row.edge >= 0) {
+      const EdgeSample& edge = problem.edge[row.edge];
+      const double advance = total_advance(edge, memory.find(edge.id, edge.instrument));
+      row.delta_free[0] += advance - row.advance;
+      row.gap += advance - row.advance;
+      row.advance = advance;
+    } else if (rows.rows_per_contact == 3) {
       if (const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive)) {
         row.anchor = known->anchor;
         row.other_anchor = known->other_anchor;

@@ -10,13 +10,13 @@
 // linearisation δ_n is the true gap and δ_t the true slip. A row is for one sample and one primitive; a
 // sample has rows for all primitives within the margin (contact_pairs.h), where the instrument is on the
 // outer side of the tissue (n · outward < 0.2); or, last, for two primitives of two instruments
-// (instrument_pairs.h). More candidates than capacity: contact_selection.h chooses; overlapping ones that are
-// left out are counted in `dropped`. Friction rows exist only where some μ > 0. A sample that sticks keeps
-// its anchor in the instrument's frame; a sliding or new one takes its place of the previous solve, or the
-// linearisation's own. Units: δ in m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 80 kB
-// of stack; bounded by max_patch_samples × primitives and max_contacts × (patch nodes + max_contacts) 3×3
-// products. Source: the paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see
-// contact_solve.h.
+// (instrument_pairs.h), behind those of blades' edges (edge_rows.h). More candidates than capacity:
+// contact_selection.h chooses; overlapping ones that are left out are counted in `dropped`. Friction rows
+// exist only where some μ > 0 or there is an edge. A sample that sticks keeps its anchor in the instrument's
+// frame; a sliding or new one takes its place of the previous solve, or the linearisation's own. Units: δ in
+// m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 80 kB of stack; bounded by
+// max_patch_samples × primitives and max_contacts × (patch nodes + max_contacts) 3×3 products. Source: the
+// paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see contact_solve.h.
 #pragma once
 
 #include <array>
@@ -29,10 +29,11 @@
 namespace hapticd {
 
 struct ContactRow {
-  int sample;          // index into the problem's samples; −1: another instrument is there
+  int sample = -1;     // index into the problem's samples; −1: another instrument or a cut's front is there
   int instrument = 0;  // a row is known by its sample, this …
   int primitive;       // … and this of it
   int other = -1;      // the instrument that is touched; −1: tissue
+  int edge = -1;       // index into the problem's edge samples; −1: not a blade's edge
   std::uint64_t id;    // the sample's id, or one of two primitives (instrument_pairs.h)
   Mat3 frame;          // columns n, t1, t2 (world)
   Vec3 arm;            // s − p_instrument [m]
@@ -42,12 +43,15 @@ struct ContactRow {
   Vec3 delta_free;     // [m]: normal, then two tangential (0 where frictionless)
   double gap;          // true signed distance at the linearisation [m]
   double friction;     // μ
+  double limit = no_limit;  // of λ_n; finite at edges alone [N]
+  double advance = 0;       // of an edge: the total it counts from [m]
 };
 
 // Rows per contact: 1 (frictionless: row i is contact i) or 3 (rows 3i, 3i+1, 3i+2).
 struct ContactRows {
   int contacts = 0;
   int rows_per_contact = 1;
+  int edges = 0;    // of them, of blades' edges
   int dropped = 0;  // overlapping candidates beyond capacity
   std::array<ContactRow, max_contacts> row;
   std::array<double, std::size_t(max_rows) * max_rows> W_storage;  // column-major, ld = rows()
@@ -70,6 +74,7 @@ struct ContactMemory {
     int primitive = 0;
     int instrument = 0;
     Vec3 other_anchor = Vec3::Zero();  // frame of the instrument that is touched [m]
+    double advance = 0;                // of an edge, in all [m]
   };
   int count = 0;
   std::array<Entry, max_contacts> entry;  // sorted by id, then instrument, then primitive
@@ -92,6 +97,15 @@ struct Reached {
 
 // Whether a sample that bore force is gone: its face was removed.
 bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept;
+
+// Patch nodes that a row's place is the weighted sum of, and that its force is spread over; none of an
+// obstacle and of another instrument.
+struct NodeWeights {
+  std::span<const std::int32_t> node;
+  std::span<const double> weight;
+};
+NodeWeights node_weights(const CondensedProblem& problem, const ContactRow& row) noexcept;
+NodeWeights node_weights(const PatchSample& sample) noexcept;
 
 // Place of a sample when the patch's nodes are at x.
 Vec3 sample_position(const CondensedProblem& problem, const PatchPositions& x, int sample) noexcept;

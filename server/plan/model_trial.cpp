@@ -161,7 +161,8 @@ class Pilot {
     if (!state.solved) return;
     const ContactRows& rows = state.scratch.rows;
     for (int i = 0; i < rows.contacts; ++i)
-      if (state.scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact) * i] > 0)
+      if (rows.row[i].sample >= 0 &&
+          state.scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact) * i] > 0)
         run_.pressed[rows.row[i].id >> 56] = 1;
   }
 

@@ -15,7 +15,7 @@ namespace hapticd {
 namespace {
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
-constexpr std::uint32_t version = 3, byte_order = 0x01020304;
+constexpr std::uint32_t version = 4, byte_order = 0x01020304;
 constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
 
 // One description of the layout for both directions: `put` of the writer appends, of the reader takes.
@@ -126,6 +126,25 @@ void layout(File& f, PatchSample& s, int nodes) {
 }
 
 template <typename File>
+void layout(File& f, EdgeSample& e, int nodes, int instruments) {
+  f.put(e.id);
+  f.put(e.instrument);
+  f.expect(is_edge(e.id) && e.instrument >= 0 && e.instrument < instruments,
+           "an edge of an instrument that is not there");
+  f.put(e.body);
+  for (std::int32_t& n : e.node) {
+    f.put(n);
+    f.expect(n >= 0 && n < nodes, "an edge at a node that is not there");
+  }
+  f.numbers(e.weight.data(), 4);
+  layout(f, e.place);
+  layout(f, e.direction);
+  f.put(e.limit);
+  f.expect(e.limit >= 0, "an edge with a limit below zero");
+  f.put(e.advance);
+}
+
+template <typename File>
 void layout(File& f, VirtualCoupling& c) {
   f.put(c.stiffness);
   f.put(c.rotational_stiffness);
@@ -160,6 +179,12 @@ void layout(File& f, CondensedProblem& p, int instruments) {
     layout(f, p.sample[k], p.nodes);
     f.expect(k == 0 || p.sample[k - 1].id < p.sample[k].id, "samples that are not in the order of their ids");
   }
+  if (f.written_as() < 4) return;
+  p.edges = static_cast<int>(f.length(static_cast<std::size_t>(p.edges), max_edge_samples, "edge samples"));
+  for (int k = 0; k < p.edges; ++k) {
+    layout(f, p.edge[k], p.nodes, instruments);
+    f.expect(k == 0 || p.edge[k - 1].id < p.edge[k].id, "edges that are not in the order of their ids");
+  }
 }
 
 template <typename File>
@@ -187,6 +212,7 @@ void layout(File& f, ContactState& s, const std::vector<Instrument>& instruments
     layout(f, e.lambda);
     layout(f, e.anchor);
     if (f.written_as() >= 3) layout(f, e.other_anchor);
+    if (f.written_as() >= 4) f.put(e.advance);
     std::uint8_t sticking = e.sticking;
     f.put(sticking);
     e.sticking = sticking != 0;

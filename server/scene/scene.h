@@ -32,6 +32,7 @@ struct SceneBody {
   std::vector<int> fixed_nodes;  // deformable only; empty: it floats
   double friction = 0;           // μ against the instrument
   bool removable = false;        // the tip may destroy it
+  double toughness = 0;          // J [J/m²]: a blade's edge cuts it; 0: none does
   bool corotational = true;      // deformable only; false: linear
   bool dynamic = true;           // deformable only; false: neither inertia nor damping
   bool simulated = true;         // deformable only; false: stands where it is, an obstacle

@@ -17,6 +17,7 @@ constexpr NumberRange poisson_cap{0, 0.5, true, true, "Poisson's ratio that line
 constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; tissue has about 1000"};
 constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
 constexpr NumberRange rayleigh_stiffness{0, 10, false, false, "beta of B = alpha M + beta K, in seconds"};
+constexpr NumberRange toughness{0, 1e6, true, false, "joules per square metre; soft tissue has 10 to 2000"};
 constexpr NumberRange friction{0, 10, false, false, "Coulomb's coefficient; 0: frictionless"};
 constexpr NumberRange length{0, 10, true, false, "metres"};
 
@@ -146,18 +147,20 @@ void read_body_pins(const YamlMap& yaml, SceneBody& body) {
 
 SceneBody read_body(const YamlMap& yaml) {
   yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
-             "elements", "motion", "simulated"});
+             "toughness", "elements", "motion", "simulated"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
   body.mesh_file = yaml.folder() / yaml.text("mesh");
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
-    for (const char* key : {"material", "fixed", "floating", "removable", "elements", "motion", "simulated"})
+    for (const char* key :
+         {"material", "fixed", "floating", "removable", "toughness", "elements", "motion", "simulated"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
     body.removable = yaml.flag("removable", false);
+    if (yaml.has("toughness")) body.toughness = yaml.number("toughness", toughness);
   }
   body.mesh = read_body_mesh(yaml, body.mesh_file);
   if (body.kind == BodyKind::rigid) return body;

@@ -11,7 +11,9 @@ SceneBody read_body(const YamlMap& yaml);
 // The choices of a body's model that stand in its own map: elements, motion, simulated.
 void read_body_pins(const YamlMap& yaml, SceneBody& body);
 // Held, and never cut: what needs no mass.
-inline bool may_be_static(const SceneBody& body) { return !body.fixed_nodes.empty() && !body.removable; }
+inline bool may_be_static(const SceneBody& body) {
+  return !body.fixed_nodes.empty() && !body.removable && !(body.toughness > 0);
+}
 
 // One entry of `contacts`: the first body's surface nodes against the second's faces.
 ContactPair read_contact(const YamlMap& yaml, const std::vector<SceneBody>& bodies);

@@ -53,6 +53,7 @@ void describe_body(std::string& out, const SceneBody& body) {
       line(out, "           %zu fixed nodes", body.fixed_nodes.size());
   }
   if (body.friction > 0) line(out, "           friction %.3g", body.friction);
+  if (body.toughness > 0) line(out, "           toughness %.4g J/m2", body.toughness);
 }
 
 void describe_primitive(std::string& out, const Primitive& p, bool tip) {
@@ -72,6 +73,11 @@ void describe_instrument(std::string& out, const SceneInstrument& held, bool nam
   line(out, "instrument %s%zu primitives", named ? (held.name + ": ").c_str() : "", primitives.size());
   for (std::size_t i = 0; i < primitives.size(); ++i)
     describe_primitive(out, primitives[i], static_cast<int>(i) == held.shape.tip);
+  const Blade& blade = held.shape.blade;
+  double width = 0;
+  for (const BladePoint& point : blade.sample) width += point.width;
+  if (!blade.sample.empty())
+    line(out, "blade      %.2f mm wide, %zu samples", 1e3 * width, blade.sample.size());
   line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", held.coupling.stiffness,
        held.coupling.rotational_stiffness, 1e3 * held.coupling.damping_time);
   const RemovalSettings& removal = held.removal;

@@ -1,6 +1,7 @@
 #include "server/scene/scene_instruments.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "server/files/paths.h"
 #include "server/record/trajectory_reader.h"
@@ -22,6 +23,19 @@ constexpr NumberRange reach{0, 0.1, false, false, "metres"};
 constexpr NumberRange position_scale{0, 1e3, true, false, "scene metres per device metre"};
 constexpr NumberRange force_scale{0, 1e6, true, false, "device newtons per scene newton"};
 constexpr NumberRange between_instruments{0, 2, false, false, "Coulomb's coefficient; 0: frictionless"};
+
+Blade read_blade(const YamlMap& yaml) {
+  yaml.only({"edge", "direction", "samples"});
+  const std::vector<Vec3> edge = yaml.points("edge");
+  const Vec3 direction = yaml.vec3("direction");
+  if (direction.isZero(0)) throw yaml.error("direction", "is zero");
+  const int samples = yaml.whole("samples", 1, max_edge_samples);
+  try {
+    return make_blade(edge, direction, samples);
+  } catch (const std::invalid_argument& fault) {
+    throw yaml.error("edge", fault.what());
+  }
+}
 
 VirtualCoupling read_coupling(const YamlMap& yaml) {
   yaml.only({"stiffness", "rotational_stiffness", "damping_time"});
@@ -76,13 +90,18 @@ void read_mapping(const YamlMap& yaml, DeviceSettings& device) {
   device.tool = yaml.quaternion("tool");
 }
 
-// own: where primitives, tip and coupling stand; rest: where removal, device, mapping and trajectory do. An
-// entry of a list is both.
+// own: where primitives, tip, blade and coupling stand; rest: where removal, device, mapping and trajectory
+// do. An entry of a list is both.
 SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::string& device,
                            const std::vector<SceneBody>& bodies) {
   SceneInstrument held;
   held.shape = read_instrument(own);
   held.coupling = read_coupling(own.map("coupling"));
+  if (own.has("blade")) held.shape.blade = read_blade(own.map("blade"));
+  const bool tough =
+      std::any_of(bodies.begin(), bodies.end(), [](const SceneBody& body) { return body.toughness > 0; });
+  if (own.has("blade") && !tough)
+    throw own.error("blade", "no body can be cut (say toughness, in J/m², for one)");
 
   if (rest.has("removal")) held.removal = read_removal(rest.map("removal"));
   const bool removable =
@@ -107,7 +126,8 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
 }
 
 SceneInstrument read_listed(const YamlMap& yaml, const std::string& device, const Scene& scene) {
-  yaml.only({"name", "primitives", "tip", "coupling", "removal", "device", "id", "mapping", "trajectory"});
+  yaml.only(
+      {"name", "primitives", "tip", "blade", "coupling", "removal", "device", "id", "mapping", "trajectory"});
   const std::string name = yaml.text("name");
   for (const SceneInstrument& other : scene.instruments)
     if (other.name == name) throw yaml.error("name", "'" + name + "' is another instrument's name already");
@@ -137,7 +157,7 @@ void read_only_instrument(const YamlMap& yaml, const std::string& device, Scene&
     throw yaml.error("instrument_friction",
                      "is of one instrument against another: stands only beside instruments");
   const YamlMap own = yaml.map("instrument");
-  own.only({"primitives", "tip", "coupling"});
+  own.only({"primitives", "tip", "blade", "coupling"});
   scene.instruments.push_back(read_entry(own, yaml, device, scene.bodies));
   scene.first().name = "instrument";
   if (yaml.has("more_devices"))

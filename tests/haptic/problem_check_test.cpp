@@ -18,7 +18,12 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN(),
 
 std::unique_ptr<CondensedProblem> sound_problem() {
   Random random(3);
-  return sheet_problem(random, {.friction = 0.3});
+  auto problem = sheet_problem(random, {.friction = 0.3});
+  for (int k = 0; k < 2; ++k)
+    problem->edge[k] = {edge_id(0, k),  0,   0, {6, 7, 11, 12}, {0.2, 0.3, 0.4, 0.1}, Vec3::Zero(),
+                        -Vec3::UnitZ(), 0.1, 0};
+  problem->edges = 2;
+  return problem;
 }
 
 struct Poison {
@@ -44,6 +49,18 @@ const Poison poisons[] = {
     {"node below", [](CondensedProblem& p) { p.sample[2].node[1] = -1; }},
     {"nodes", [](CondensedProblem& p) { p.nodes = max_patch_nodes + 1; }},
     {"samples", [](CondensedProblem& p) { p.samples = max_patch_samples + 1; }},
+    {"edges", [](CondensedProblem& p) { p.edges = max_edge_samples + 1; }},
+    {"edge's id", [](CondensedProblem& p) { p.edge[0].id = 5; }},
+    {"edge twice", [](CondensedProblem& p) { p.edge[1].id = p.edge[0].id; }},
+    {"edge's instrument", [](CondensedProblem& p) { p.edge[1].instrument = max_instruments; }},
+    {"edge's node", [](CondensedProblem& p) { p.edge[1].node[3] = p.nodes; }},
+    {"edge's node below", [](CondensedProblem& p) { p.edge[1].node[3] = -1; }},
+    {"edge's weight", [](CondensedProblem& p) { p.edge[1].weight[3] = nan; }},
+    {"edge's place", [](CondensedProblem& p) { p.edge[1].place.x() = inf; }},
+    {"edge's direction", [](CondensedProblem& p) { p.edge[1].direction.setZero(); }},
+    {"limit", [](CondensedProblem& p) { p.edge[1].limit = -1e-3; }},
+    {"limit infinite", [](CondensedProblem& p) { p.edge[1].limit = inf; }},
+    {"advance", [](CondensedProblem& p) { p.edge[1].advance = nan; }},
 };
 
 TEST(ProblemCheck, TellsPoisonedFromSound) {

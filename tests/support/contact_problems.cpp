@@ -100,12 +100,11 @@ std::unique_ptr<CondensedProblem> spring_problem(double k, const Vec3& x, double
 MatX dense_H(const CondensedProblem& problem, const ContactRows& rows) {
   MatX H = MatX::Zero(rows.rows(), 3 * problem.nodes);
   for (int i = 0; i < rows.contacts; ++i) {
-    const PatchSample& s = problem.sample[rows.row[i].sample];
-    if (s.node[0] < 0) continue;
+    const NodeWeights at = node_weights(problem, rows.row[i]);
     for (int c = 0; c < rows.rows_per_contact; ++c)
-      for (int a = 0; a < 3; ++a)
-        H.block<1, 3>(rows.rows_per_contact * i + c, 3 * s.node[a]) +=
-            s.weight[a] * rows.row[i].frame.col(c).transpose();
+      for (std::size_t a = 0; a < at.node.size(); ++a)
+        H.block<1, 3>(rows.rows_per_contact * i + c, 3 * at.node[a]) +=
+            at.weight[a] * rows.row[i].frame.col(c).transpose();
   }
   return H;
 }

@@ -24,6 +24,12 @@ VecX force_of_others(const CondensedProblem& problem, const ContactScratch& step
     if (found == of_sample.end()) continue;
     for (std::size_t c = 0; c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * found->second;
   }
+  for (int k = 0; k < problem.edges; ++k) {
+    const EdgeSample& e = problem.edge[static_cast<std::size_t>(k)];
+    const auto found = of_sample.find(e.id);
+    if (found == of_sample.end()) continue;
+    for (std::size_t c = 0; c < 4; ++c) f.segment<3>(3 * e.node[c]) += e.weight[c] * found->second;
+  }
   return f;
 }
 

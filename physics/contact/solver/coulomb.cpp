@@ -41,14 +41,17 @@ CoulombWorkspace::CoulombWorkspace(int contacts)
       factor(contacts) {}
 
 double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
-                        const Eigen::Ref<const VecX>& lambda, std::span<const double> mu) noexcept {
+                        const Eigen::Ref<const VecX>& lambda, std::span<const double> mu,
+                        std::span<const double> limit) noexcept {
   double worst = 0, scale = 0;
   for (int i = 0; i < static_cast<int>(mu.size()); ++i) {
     const double rho = inverse_or_zero(mean_diagonal(W, i));
     const Vec3 free = q.segment<3>(3 * i);
     const Vec3 delta = free + W.middleRows<3>(3 * i).lazyProduct(lambda);
-    scale = std::max(scale, rho * rho * free.squaredNorm());
-    const double off = natural_map(delta.data(), lambda.data() + 3 * i, {&rho, 1}, mu.subspan(i, 1), scale);
+    const double most = limit_at(limit, i);
+    scale = std::max(scale, std::min(rho * rho * free.squaredNorm(), most * most));
+    const double off =
+        natural_map(delta.data(), lambda.data() + 3 * i, {&rho, 1}, mu.subspan(i, 1), {&most, 1}, scale);
     if (std::isnan(off)) return off;
     worst = std::max(worst, off);
   }
@@ -57,7 +60,8 @@ double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const 
 
 CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
                             std::span<const double> mu, Eigen::Ref<VecX> lambda, CoulombWorkspace& ws,
-                            std::uint64_t matrix_version, const CoulombOptions& options) noexcept {
+                            std::uint64_t matrix_version, const CoulombOptions& options,
+                            std::span<const double> limit) noexcept {
   CoulombResult result;
   const int contacts = static_cast<int>(q.size()) / 3;
   const auto refuse = [&](SolveStatus status) {
@@ -70,16 +74,17 @@ CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<co
   if (contacts == 0) return result;
   if (contacts > ws.capacity) return refuse(SolveStatus::too_large);
   if (!q.allFinite() || !all_finite(W, matrix_version, ws.finite_version) ||
-      !std::all_of(mu.begin(), mu.end(), sound))
+      !std::all_of(mu.begin(), mu.end(), sound) ||
+      !std::all_of(limit.begin(), limit.end(), [](double most) { return most >= 0; }))
     return refuse(SolveStatus::not_finite);
   for (int i = 0; i < contacts; ++i) ws.rho[i] = inverse_or_zero(mean_diagonal(W, i));
-  const double free = std::sqrt(free_scale(q, std::span<const double>(ws.rho).first(mu.size())));
+  const double free = std::sqrt(free_scale(q, std::span<const double>(ws.rho).first(mu.size()), limit));
   if (!std::isfinite(free)) return refuse(SolveStatus::not_finite);
   if (!(lambda.cwiseAbs().maxCoeff() <= largest_start * free)) lambda.setZero();
   if (matrix_version == 0) ws.factor.version = 0;
   // Within one solve the matrix is the same, whatever the caller promises for the next.
   const std::uint64_t version = matrix_version ? matrix_version : std::numeric_limits<std::uint64_t>::max();
-  CoulombSystem system{W, q, mu, ws.rho, options.relative_diagonal, contacts, version};
+  CoulombSystem system{W, q, mu, limit, ws.rho, options.relative_diagonal, contacts, version};
   CoulombSolve(system, lambda, ws, options, result).run();
 
   if (!lambda.allFinite() || !std::isfinite(result.residual)) return refuse(SolveStatus::not_finite);

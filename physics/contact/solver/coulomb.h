@@ -3,18 +3,19 @@
 //
 //   δ = (W + ε D) λ + q;   per contact: 0 ≤ δ_n ⟂ λ_n ≥ 0,  ‖λ_t‖ ≤ μ λ_n,
 //   sliding: δ_t = −c λ_t with c > 0 and ‖λ_t‖ = μ λ_n
+//   with a limit, where μ = 0: 0 ≤ λ_n ≤ limit, and at the limit δ_n ≤ 0 (a blade's edge, edge_sample.h)
 //   D_i = tr W_ii / 3 · I per contact (isotropic, so that the tangents' choice cannot matter)
 //
 // Units and shapes: W [m/N], λ [N], q and δ [m], δ_t the slip over the solve's period; rows n, t1, t2 a
 // contact; μ = 0 is a frictionless contact among others. Residual: natural map max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i
 // + μ‖δ_t‖ n))‖ / scale, ρ_i = 3/tr W_ii, de Saxcé's correction. Status and residual are those of the λ
 // returned. Errors: a status. `iteration_cap`, `deadline`: λ is, by residual, the best that a sweep has left;
-// `not_finite` (NaN or infinity in W, q or μ, a negative μ, q beyond 1e150) and `too_large` (more contacts
-// than the workspace was made for): λ is zero. A warm start of more than 1e6 times the free gaps' forces is
-// dropped: its rounding would be taken for an answer. Guarantee: no allocation, wait-free, bounded by 2
-// max_sweeps × contacts² and 2 max_newton × contacts × rows³; with a deadline late by at most a sweep and a
-// product of W. Source: Alart and Curnier 1991; de Saxcé and Feng 1998; coulomb_solve.cpp has how, where this
-// departs from them, and what is known of existence and uniqueness.
+// `not_finite` (NaN or infinity in W, q or μ, a negative μ or limit, q beyond 1e150) and `too_large` (more
+// contacts than the workspace was made for): λ is zero. A warm start of more than 1e6 times the free gaps'
+// forces is dropped: its rounding would be taken for an answer. Guarantee: no allocation, wait-free, bounded
+// by 2 max_sweeps × contacts² and 2 max_newton × contacts × rows³; with a deadline late by at most a sweep
+// and a product of W. Source: Alart and Curnier 1991; de Saxcé and Feng 1998; coulomb_solve.cpp has how,
+// where this departs from them, and what is known of existence and uniqueness.
 #pragma once
 
 #include <span>
@@ -55,7 +56,8 @@ struct CoulombResult {
 class CoulombContact {
  public:
   CoulombContact() = default;
-  CoulombContact(const Mat3& A, double mu) noexcept;  // A symmetric positive definite
+  CoulombContact(const Mat3& A, double mu,
+                 double limit = no_limit) noexcept;  // A symmetric positive definite
 
   // λ for the free gap b.
   Vec3 solve(const Vec3& b) const noexcept;
@@ -69,10 +71,11 @@ class CoulombContact {
   Eigen::Vector2d eigenvalue_ = Eigen::Vector2d::Zero();
   double a_nn_ = 0;
   double mu_ = 0;
+  double limit_ = no_limit;
 };
 
-// A contact in the reduced system.
-enum class ContactMode : std::uint8_t { open, stick, slip, frictionless };
+// A contact in the reduced system; those that are open or limited have no unknowns.
+enum class ContactMode : std::uint8_t { open, stick, slip, frictionless, limited };
 
 struct ReducedContact {
   int contact;
@@ -130,20 +133,23 @@ struct CoulombWorkspace {
 };
 
 // One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.
-Vec3 solve_coulomb_contact(const Mat3& A, const Vec3& b, double mu) noexcept;
+Vec3 solve_coulomb_contact(const Mat3& A, const Vec3& b, double mu, double limit = no_limit) noexcept;
 
-// Projection onto the cone ‖t‖ ≤ μ n.
-Vec3 project_on_cone(const Vec3& v, double mu) noexcept;
+// Projection onto the cone ‖t‖ ≤ μ n; with μ = 0 onto n ≤ limit too.
+Vec3 project_on_cone(const Vec3& v, double mu, double limit = no_limit) noexcept;
 
 // Natural-map residual for δ = W λ + q, relative to max(max‖λ_i‖, max‖q_i‖·ρ_i).
 double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
-                        const Eigen::Ref<const VecX>& lambda, std::span<const double> mu) noexcept;
+                        const Eigen::Ref<const VecX>& lambda, std::span<const double> mu,
+                        std::span<const double> limit = {}) noexcept;
 
 // lambda is read as warm start and left as the best iterate.
 // matrix_version: equal nonzero values in solves with one workspace promise an unchanged W (and contacts);
 // 0: W is new.
+// limit: the most that λ_n may be, per contact [N], infinite where μ > 0. Empty: no contact has one.
 CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
                             std::span<const double> mu, Eigen::Ref<VecX> lambda, CoulombWorkspace& workspace,
-                            std::uint64_t matrix_version, const CoulombOptions& options) noexcept;
+                            std::uint64_t matrix_version, const CoulombOptions& options,
+                            std::span<const double> limit = {}) noexcept;
 
 }  // namespace hapticd

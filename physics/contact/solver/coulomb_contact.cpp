@@ -11,7 +11,8 @@ constexpr int max_root_steps = 80;  // bisection alone would need about 60
 
 }  // namespace
 
-CoulombContact::CoulombContact(const Mat3& A, double mu) noexcept : a_nn_(A(0, 0)), mu_(mu) {
+CoulombContact::CoulombContact(const Mat3& A, double mu, double limit) noexcept
+    : a_nn_(A(0, 0)), mu_(mu), limit_(limit) {
   if (!(a_nn_ > 0)) return;
   const Eigen::Vector2d a_tn = A.block<2, 1>(1, 0);
   to_n_ = a_tn / a_nn_;
@@ -41,7 +42,7 @@ CoulombContact::CoulombContact(const Mat3& A, double mu) noexcept : a_nn_(A(0, 0
 
 Vec3 CoulombContact::solve(const Vec3& b) const noexcept {
   if (!(b[0] < 0) || !(a_nn_ > 0)) return Vec3::Zero();
-  if (mu_ <= 0) return {-b[0] / a_nn_, 0, 0};
+  if (mu_ <= 0) return {std::min(-b[0] / a_nn_, limit_), 0, 0};
   const Vec3 stick = -inverse_ * b;
   if (stick[0] >= 0 && stick.tail<2>().squaredNorm() <= mu_ * mu_ * stick[0] * stick[0]) return stick;
   return slip(b);
@@ -84,11 +85,12 @@ Vec3 CoulombContact::slip(const Vec3& b) const noexcept {
   return {n, tangential[0], tangential[1]};
 }
 
-Vec3 solve_coulomb_contact(const Mat3& A, const Vec3& b, double mu) noexcept {
-  return CoulombContact(A, mu).solve(b);
+Vec3 solve_coulomb_contact(const Mat3& A, const Vec3& b, double mu, double limit) noexcept {
+  return CoulombContact(A, mu, limit).solve(b);
 }
 
-Vec3 project_on_cone(const Vec3& v, double mu) noexcept {
+Vec3 project_on_cone(const Vec3& v, double mu, double limit) noexcept {
+  if (mu <= 0) return {std::clamp(v[0], 0.0, limit), 0, 0};
   const double t = v.tail<2>().norm();
   if (mu * t <= -v[0]) return Vec3::Zero();
   if (t <= mu * v[0]) return v;

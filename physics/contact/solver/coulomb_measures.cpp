@@ -13,14 +13,14 @@ double mean_diagonal(const Eigen::Ref<const MatX>& W, int i) noexcept {
 double inverse_or_zero(double d) noexcept { return d > std::numeric_limits<double>::min() ? 1 / d : 0; }
 
 double natural_map(const double* delta, const double* lambda, std::span<const double> rho,
-                   std::span<const double> mu, double& scale) noexcept {
+                   std::span<const double> mu, std::span<const double> limit, double& scale) noexcept {
   double worst = 0;
   for (std::size_t i = 0; i < mu.size(); ++i) {
     const Eigen::Map<const Vec3> l(lambda + 3 * i), d(delta + 3 * i);
     if (d[0] >= 0 && l.isZero(0)) continue;
     Vec3 v = l - rho[i] * d;
     v[0] -= rho[i] * mu[i] * d.tail<2>().norm();
-    const double off = (l - project_on_cone(v, mu[i])).squaredNorm();
+    const double off = (l - project_on_cone(v, mu[i], limit_at(limit, i))).squaredNorm();
     if (std::isnan(off)) return off;
     worst = std::max(worst, off);
     scale = std::max(scale, l.squaredNorm());
@@ -28,10 +28,14 @@ double natural_map(const double* delta, const double* lambda, std::span<const do
   return worst;
 }
 
-double free_scale(const Eigen::Ref<const VecX>& q, std::span<const double> rho) noexcept {
+double free_scale(const Eigen::Ref<const VecX>& q, std::span<const double> rho,
+                  std::span<const double> limit) noexcept {
   double scale = 0;
-  for (std::size_t i = 0; i < rho.size(); ++i)
-    scale = std::max(scale, rho[i] * rho[i] * q.segment<3>(static_cast<Eigen::Index>(3 * i)).squaredNorm());
+  for (std::size_t i = 0; i < rho.size(); ++i) {
+    const double most = limit_at(limit, i);
+    const double free = rho[i] * rho[i] * q.segment<3>(static_cast<Eigen::Index>(3 * i)).squaredNorm();
+    scale = std::max(scale, std::min(free, most * most));
+  }
   return scale;
 }
 
@@ -47,7 +51,7 @@ double alart_curnier(const CoulombSystem& s, const double* lambda, const double*
     const Eigen::Map<const Vec3> l(lambda + 3 * i), d(delta + 3 * i);
     if (d[0] >= 0 && l.isZero(0)) continue;
     Vec3 y = l - s.stretch * s.rho[i] * d;
-    y[0] = std::max(0.0, y[0]);
+    y[0] = std::min(std::max(0.0, y[0]), s.limit_of(i));
     const double pulled = y.tail<2>().squaredNorm(), disc = s.mu[i] * y[0];
     if (pulled > disc * disc) y.tail<2>() *= disc / std::sqrt(pulled);
     sum += (l - y).squaredNorm();
@@ -55,10 +59,10 @@ double alart_curnier(const CoulombSystem& s, const double* lambda, const double*
   return 0.5 * sum;
 }
 
-Vec3 into_cone(const Vec3& l, double mu) noexcept {
+Vec3 into_cone(const Vec3& l, double mu, double limit) noexcept {
   if (!(l[0] > 0)) return Vec3::Zero();
   const double t = l.tail<2>().norm(), scale = t > mu * l[0] ? mu * l[0] / t : 1;
-  return {l[0], scale * l[1], scale * l[2]};
+  return {std::min(l[0], limit), scale * l[1], scale * l[2]};
 }
 
 }  // namespace hapticd

@@ -2,7 +2,7 @@
 // Curnier's merit for Newton's steps.
 //
 //   natural map: max_i ‖λ_i − P_K(λ_i − ρ_i(δ_i + μ‖δ_t‖ n))‖² and the scale it is relative to
-//   merit: ½ Σ ‖λ_i − P_i(λ_i − ρ_i δ_i)‖², P_i onto λ_n ≥ 0 and the disc of radius μ y_n
+//   merit: ½ Σ ‖λ_i − P_i(λ_i − ρ_i δ_i)‖², P_i onto 0 ≤ λ_n ≤ limit and the disc of radius μ y_n
 //
 // ρ_i = 3 / tr W_ii, 0 for a contact that W does not move. Units: W [m/N], δ [m], λ [N]. An open contact
 // costs a comparison. A NaN in δ or λ makes the natural map NaN. Guarantee: wait-free, no allocation.
@@ -21,17 +21,18 @@ double inverse_or_zero(double d) noexcept;
 
 // Of given δ and λ, squared; `scale` grows to the largest ‖λ_i‖².
 double natural_map(const double* delta, const double* lambda, std::span<const double> rho,
-                   std::span<const double> mu, double& scale) noexcept;
+                   std::span<const double> mu, std::span<const double> limit, double& scale) noexcept;
 
-// max_i (ρ_i ‖q_i‖)²: what contact forces are measured against, besides themselves.
-double free_scale(const Eigen::Ref<const VecX>& q, std::span<const double> rho) noexcept;
+// max_i min(ρ_i ‖q_i‖, limit_i)²: what contact forces are measured against, besides themselves.
+double free_scale(const Eigen::Ref<const VecX>& q, std::span<const double> rho,
+                  std::span<const double> limit) noexcept;
 
 // √(worst / scale); infinite where the scale overflows.
 double relative_residual(double worst, double scale) noexcept;
 
 double alart_curnier(const CoulombSystem& system, const double* lambda, const double* delta) noexcept;
 
-// λ of one contact, moved into the cone at the same λ_n.
-Vec3 into_cone(const Vec3& lambda, double mu) noexcept;
+// λ of one contact, moved into the cone at the same λ_n, or at its limit.
+Vec3 into_cone(const Vec3& lambda, double mu, double limit) noexcept;
 
 }  // namespace hapticd

@@ -14,10 +14,11 @@ constexpr double forget = 0.95;
 constexpr double flops_of_assembly = 12;  // per entry, in LU flops
 
 // Sorts one contact by y = λ − ρ δ.
-ContactMode classify(const double* l, const double* d, double rho, double mu, ReducedContact& u) noexcept {
+ContactMode classify(const double* l, const double* d, double rho, double mu, double limit,
+                     ReducedContact& u) noexcept {
   const double n = l[0] - rho * d[0];
   if (!(n > 0)) return ContactMode::open;
-  if (mu <= 0) return ContactMode::frictionless;
+  if (mu <= 0) return n < limit ? ContactMode::frictionless : ContactMode::limited;
   const double y1 = l[1] - rho * d[1], y2 = l[2] - rho * d[2], pulled = std::sqrt(y1 * y1 + y2 * y2);
   if (pulled <= mu * n) return ContactMode::stick;
   u.d1 = y1 / pulled;
@@ -36,8 +37,9 @@ Vec3 linear(const ReducedContact& u, const double* base, const double* step, dou
 }
 
 // λ of one contact after its step, inside its cone.
-Vec3 stepped(const ReducedContact& u, const double* base, const double* step, double mu) noexcept {
-  if (u.mode == ContactMode::frictionless) return {std::max(0.0, base[0] + step[0]), 0, 0};
+Vec3 stepped(const ReducedContact& u, const double* base, const double* step, double mu,
+             double limit) noexcept {
+  if (u.mode == ContactMode::frictionless) return {std::clamp(base[0] + step[0], 0.0, limit), 0, 0};
   if (u.mode == ContactMode::slip) {
     const double n = std::max(0.0, u.lambda_n + step[0]);
     if (n == 0) return Vec3::Zero();
@@ -80,8 +82,10 @@ class Reduced {
     for (int i = 0; i < s_.contacts; ++i) {
       const double* l = lambda + 3 * i;
       ReducedContact& u = ws_.reduced[count_];
-      ws_.mode[i] = u.mode = classify(l, ws_.delta.data() + 3 * i, s_.stretch * s_.rho[i], s_.mu[i], u);
-      if (u.mode == ContactMode::open) continue;
+      ws_.mode[i] = u.mode =
+          classify(l, ws_.delta.data() + 3 * i, s_.stretch * s_.rho[i], s_.mu[i], s_.limit_of(i), u);
+      if (u.mode == ContactMode::limited) ws_.trial[3 * i] = s_.limit_of(i);
+      if (u.mode == ContactMode::open || u.mode == ContactMode::limited) continue;
       u.contact = i;
       ++count_;
       double* base = ws_.trial.data() + 3 * i;
@@ -153,12 +157,13 @@ class Reduced {
     lu_solve(ws_.factor.lu.data(), size_, ws_.factor.pivot.data(), ws_.step.data());
   }
 
-  // The contact that the step pulls on hardest leaves (of a large system, where each costs an LU, all that it
-  // pulls on); true if there was one.
+  // The contact that the step pulls on hardest, or presses farthest beyond its limit, leaves (of a large
+  // system, where each costs an LU, all such); true if there was one.
   bool drop_pulled() noexcept {
     const auto pulled = [&](int k) {
       const ReducedContact& u = ws_.reduced[k];
-      return ws_.trial[3 * u.contact] + ws_.step[u.first];
+      const double n = ws_.trial[3 * u.contact] + ws_.step[u.first];
+      return u.mode == ContactMode::frictionless ? std::min(n, s_.limit_of(u.contact) - n) : n;
     };
     double least = 0;
     for (int k = 0; k < count_; ++k) least = std::min(least, pulled(k));
@@ -172,8 +177,11 @@ class Reduced {
         ws_.reduced[kept++] = u;
         continue;
       }
-      ws_.mode[u.contact] = ContactMode::open;
-      std::fill_n(ws_.trial.data() + 3 * u.contact, 3, 0.0);
+      double* base = ws_.trial.data() + 3 * u.contact;
+      const bool limited = base[0] + ws_.step[u.first] > 0;
+      ws_.mode[u.contact] = limited ? ContactMode::limited : ContactMode::open;
+      std::fill_n(base, 3, 0.0);
+      if (limited) base[0] = s_.limit_of(u.contact);
     }
     count_ = kept;
     number();
@@ -266,8 +274,8 @@ NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shif
   for (const ReducedContact& u : reduced.contacts()) {
     double* out = ws.trial.data() + 3 * u.contact;
     const double* step = ws.step.data() + u.first;
-    Eigen::Map<Vec3>{out} =
-        raw ? linear(u, out, step, s.mu[u.contact]) : stepped(u, out, step, s.mu[u.contact]);
+    Eigen::Map<Vec3>{out} = raw ? linear(u, out, step, s.mu[u.contact])
+                                : stepped(u, out, step, s.mu[u.contact], s.limit_of(u.contact));
   }
   return result;
 }

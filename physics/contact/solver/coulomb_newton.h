@@ -1,6 +1,7 @@
 // One reduced Newton step of the Coulomb solver (coulomb.h), and the system it and the sweeps share.
 //
-//   stick: δ = 0 in 3 unknowns;   slip: δ_n = 0, t̂·δ_t + c τ = 0 in λ_n and τ, λ_t = μ λ_n d;   open: none
+//   stick: δ = 0 in 3 unknowns;   slip: δ_n = 0, t̂·δ_t + c τ = 0 in λ_n and τ, λ_t = μ λ_n d;
+//   frictionless: δ_n = 0;   open, limited: none, λ_n is 0 or the limit
 //
 // The LU is kept: while W and the sorting of the contacts stay, the next step is a chord step with it, also
 // in the next solve. `shift` adds shift · D to the Jacobian alone: steps along freedoms that W does not have
@@ -12,11 +13,17 @@
 
 namespace hapticd {
 
+// The limit of contact i; none where there are none.
+inline double limit_at(std::span<const double> limit, std::size_t i) noexcept {
+  return limit.empty() ? no_limit : limit[i];
+}
+
 // δ = W λ + ε D (λ − anchor) + q with D_i = 1/rho_i on contact i (0 where rho_i = 0).
 struct CoulombSystem {
   const Eigen::Ref<const MatX>& W;
   const Eigen::Ref<const VecX>& q;
   std::span<const double> mu;
+  std::span<const double> limit;  // of λ_n; empty: none
   std::span<const double> rho;
   double epsilon;
   int contacts;
@@ -24,6 +31,7 @@ struct CoulombSystem {
   const double* anchor = nullptr;  // null: zero
   double stretch = 1;              // of ρ, where contacts are sorted and judged
 
+  double limit_of(int i) const noexcept { return limit_at(limit, static_cast<std::size_t>(i)); }
   double diagonal(int i) const noexcept { return rho[i] > 0 ? epsilon / rho[i] : 0; }
   void add_contact(int i, const Vec3& change, double* delta) const noexcept;  // δ += (W + εD)(:, i) change
   void compute_delta(const double* lambda, double* delta) const noexcept;

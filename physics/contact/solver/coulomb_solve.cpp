@@ -1,8 +1,8 @@
 // Sorting: y = λ − ρ δ, ρ_i = 3/tr W_ii sorts the contacts (Alart and Curnier 1991): open y_n ≤ 0, no
-// unknown; stick ‖y_t‖ ≤ μ y_n, three unknowns, δ = 0; slip, two: λ_n and a turn τ of λ_t = μ λ_n d; δ_n = 0,
-// t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n): the semi-smooth Newton step, without the unknowns
-// that its rows give at once. The LU serves as long as W and the sorting stay (chord steps), also from one
-// solve to the next.
+// unknown; limited y_n ≥ limit where μ = 0, none; stick ‖y_t‖ ≤ μ y_n, three unknowns, δ = 0; slip, two: λ_n
+// and a turn τ of λ_t = μ λ_n d; δ_n = 0, t̂·δ_t + c τ = 0, t̂ ⟂ d, c = (‖y_t‖ − μ y_n)/(ρ μ y_n): the
+// semi-smooth Newton step, without the unknowns that its rows give at once. The LU serves as long as W and
+// the sorting stay (chord steps), also from one solve to the next.
 //
 // Order: 2, 4, 8, … 32 sweeps, after each of them Newton as its stages say: as
 // it is, with a shifted Jacobian (the shift shrinks as steps serve), with steps held in the cones, whose
@@ -13,8 +13,8 @@
 // Samples that stick on one flat face are hyperstatic (12 unknowns, 9 freedoms): where Newton stalls, shifted
 // too, on an LU with pivots 1e5 apart, ε is raised for this solve and the next 20, twice as many if it is
 // needed again; where all of this ends unsolved, it is raised (tenfold, if it was already) for one more turn
-// with the budgets again. What it adds is taken off. It is not counted from the warm start: what is solved would
-// then depend on the solve before, and a held pose's force would wander.
+// with the budgets again. What it adds is taken off. It is not counted from the warm start: what is solved
+// would then depend on the solve before, and a held pose's force would wander.
 //
 // Deadline: looked at after every sweep and before every LU, whose cost is predicted from the last ones.
 // Newton ends in time for two sweeps from wherever its steps are, also those taken without asking: sums of
@@ -57,7 +57,7 @@ CoulombSolve::CoulombSolve(CoulombSystem& system, Eigen::Ref<VecX> lambda, Coulo
       options_(options),
       result_(result),
       rows_(3 * system.contacts),
-      free_scale_(free_scale(system.q, system.rho.first(system.mu.size()))),
+      free_scale_(free_scale(system.q, system.rho.first(system.mu.size()), system.limit)),
       tolerance_(options.tolerance),
       most_sweeps_(options.max_sweeps),
       most_newton_(options.max_newton) {}
@@ -176,13 +176,13 @@ bool CoulombSolve::affords(int factors) const noexcept {
 void CoulombSolve::keep_in_cones(double* lambda) const noexcept {
   for (int i = 0; i < s_.contacts; ++i) {
     Eigen::Map<Vec3> l(lambda + 3 * i);
-    l = into_cone(l, s_.mu[i]);
+    l = into_cone(l, s_.mu[i], s_.limit_of(i));
   }
 }
 
 double CoulombSolve::residual_of(const double* lambda, const double* delta) const noexcept {
   double scale = free_scale_;
-  const double worst = natural_map(delta, lambda, s_.rho, s_.mu, scale);
+  const double worst = natural_map(delta, lambda, s_.rho, s_.mu, s_.limit, scale);
   return relative_residual(worst, scale);
 }
 
@@ -233,7 +233,7 @@ void CoulombSolve::sweep() noexcept {
     if (d[0] >= 0 && l.isZero(0)) continue;
     Mat3 A = s_.W.block<3, 3>(3 * i, 3 * i);
     A.diagonal().array() += s_.diagonal(i);
-    if (!ws_.prepared[i]) ws_.local[i] = CoulombContact(A, s_.mu[i]);
+    if (!ws_.prepared[i]) ws_.local[i] = CoulombContact(A, s_.mu[i], s_.limit_of(i));
     ws_.prepared[i] = 1;
     const Vec3 next = ws_.local[i].solve(d - A * l);
     const Vec3 change = next - l;

@@ -142,7 +142,7 @@ class BodyContacts {
     std::vector<Vec3> start, free, linear;
   };
   struct ToolRow {
-    std::array<ContactStencil, 3> stencil;
+    std::array<ContactStencil, 4> stencil;
     bool works = false;  // solved; the others are open
   };
   struct Remembered {
@@ -162,8 +162,8 @@ class BodyContacts {
   void assemble();
   VecX solve_working_with(const CondensedProblem& patch, const ContactRows& tool,
                           std::span<const ToolRow> rows, std::span<const int> working, VecX& tool_lambda);
-  void solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, VecX& lambda,
-                  int rows_per_contact);
+  void solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, std::span<const double> limit,
+                  VecX& lambda, int rows_per_contact);
   void take(const VecX& lambda, int rows_per_contact);
   void set_tool(const VecX& tool_force);
   static VecX displacement(const Domain& d);

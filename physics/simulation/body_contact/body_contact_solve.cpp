@@ -76,7 +76,8 @@ void BodyContacts::assemble() {
     }
 }
 
-void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, VecX& lambda, int m) {
+void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const double> mu,
+                              std::span<const double> limit, VecX& lambda, int m) {
   report_.status = SolveStatus::solved;
   report_.residual = 0;
   report_.sliding = 0;
@@ -94,10 +95,10 @@ void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const doub
   if (contacts > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * contacts);
   CoulombOptions options;
   options.tolerance = 1e-10;
-  CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
+  CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options, limit);
   if (!(r.residual <= CoulombOptions{}.tolerance)) {
     options.max_sweeps = most_sweeps;
-    r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
+    r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options, limit);
   }
   report_.status = r.residual <= CoulombOptions{}.tolerance ? SolveStatus::solved : r.status;
   report_.residual = r.residual;
@@ -172,7 +173,7 @@ void BodyContacts::solve(const VecX& tool_force) {
       lambda.segment(m * i, m) = c.lambda.head(m);
       mu.push_back(c.friction);
     }
-    solve_rows(W_, q, mu, lambda, m);
+    solve_rows(W_, q, mu, {}, lambda, m);
     take(lambda, m);
   } while (grow_working());
   move();
@@ -186,10 +187,10 @@ VecX BodyContacts::solve_with(const CondensedProblem& problem, const ContactRows
   bool known = false;
   for (int i = 0; i < tool.contacts; ++i) known = known || tool_lambda[mt * i] > 0;
   for (int i = 0; i < tool.contacts; ++i) {
-    const PatchSample& s = problem.sample[tool.row[i].sample];
-    for (int c = 0; c < 3 && s.node[0] >= 0; ++c) {
-      const PatchNode& p = patch_[s.node[c]];
-      rows[i].stencil[c] = {p.body, domains_[p.body].place[p.node], s.weight[c]};
+    const NodeWeights at = node_weights(problem, tool.row[i]);
+    for (std::size_t c = 0; c < at.node.size(); ++c) {
+      const PatchNode& p = patch_[at.node[c]];
+      rows[i].stencil[c] = {p.body, domains_[p.body].place[p.node], at.weight[c]};
     }
     rows[i].works = known ? tool_lambda[mt * i] > 0 : tool.q()[mt * i] < 0;
     if (rows[i].works) working.push_back(i);
@@ -217,12 +218,13 @@ VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const Con
   const int mt = tool.rows_per_contact, mb = rows_per_contact_, m = std::max(mt, mb);
   MatX W = MatX::Zero(m * n, m * n);
   VecX q = VecX::Zero(m * n), lambda = VecX::Zero(m * n);
-  std::vector<double> mu(n);
+  std::vector<double> mu(n), limit(tool.edges > 0 ? n : 0, no_limit);
   for (Eigen::Index i = 0; i < nt; ++i) {
     const ContactRow& row = tool.row[working[i]];
     q.segment(m * i, mt) = tool.q().segment(mt * working[i], mt);
     lambda.segment(m * i, mt) = tool_lambda.segment(mt * working[i], mt);
     mu[i] = mt == 3 ? row.friction : 0;
+    if (!limit.empty()) limit[i] = row.limit;
     for (Eigen::Index j = 0; j < nt; ++j)
       W.block(m * i, m * j, mt, mt) = tool.W().block(mt * working[i], mt * working[j], mt, mt);
     for (Eigen::Index j = 0; j < nb; ++j) {
@@ -240,16 +242,16 @@ VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const Con
     for (Eigen::Index j = 0; j < nb; ++j)
       W.block(m * (nt + i), m * (nt + j), mb, mb) = W_.block(mb * i, mb * j, mb, mb);
   }
-  solve_rows(W, q, mu, lambda, m);
+  solve_rows(W, q, mu, limit, lambda, m);
 
   VecX force = VecX::Zero(3 * static_cast<Eigen::Index>(patch_.size()));
   tool_lambda.setZero();
   for (Eigen::Index i = 0; i < nt; ++i) {
     const ContactRow& row = tool.row[working[i]];
-    const PatchSample& s = problem.sample[row.sample];
+    const NodeWeights at = node_weights(problem, row);
     tool_lambda.segment(mt * working[i], mt) = lambda.segment(m * i, mt);
     const Vec3 f = row.frame.leftCols(mt) * lambda.segment(m * i, mt);
-    for (int c = 0; c < 3 && s.node[0] >= 0; ++c) force.segment<3>(3 * s.node[c]) += s.weight[c] * f;
+    for (std::size_t c = 0; c < at.node.size(); ++c) force.segment<3>(3 * at.node[c]) += at.weight[c] * f;
   }
   VecX bodies(mb * nb);
   for (Eigen::Index i = 0; i < nb; ++i) bodies.segment(mb * i, mb) = lambda.segment(m * (nt + i), mb);

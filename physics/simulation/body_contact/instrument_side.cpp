@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "physics/contact/cutting/edge_rows.h"
+
 namespace hapticd {
 
 InstrumentSide::InstrumentSide(const CondensedProblem& problem, Instruments instruments,
@@ -70,6 +72,11 @@ ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {
     out.active += lambda[rows.rows_per_contact * i] > 0;
     ContactMemory::Entry& e = state_.memory.entry[i];
     e.sticking = sticks(contacts, i);
+    if (row.edge >= 0) {
+      const int n = rows.rows_per_contact * i;
+      e.advance = advance_after(row, rows.W()(n, n), lambda[n], contacts.tool_delta()[n]);
+      continue;
+    }
     const Pose& X = out.instrument[row.instrument];
     if (row.other >= 0) {
       if (e.sticking) continue;
@@ -99,7 +106,8 @@ void InstrumentSide::remember(ContactMemory& memory) const {
     const int m = rows.rows_per_contact;
     const Vec3 force = rows.row[i].frame.leftCols(m) * lambda.segment(m * i, m);
     const ContactRow& row = rows.row[i];
-    memory.entry[i] = {row.id, force, row.anchor, false, row.primitive, row.instrument, row.other_anchor};
+    memory.entry[i] = {row.id,        force,          row.anchor,       false,
+                       row.primitive, row.instrument, row.other_anchor, row.advance};
   }
 }
 

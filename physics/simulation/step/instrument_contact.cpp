@@ -24,13 +24,11 @@ VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scrat
   const ContactRows& rows = scratch.rows;
   VecX f = VecX::Zero(3 * problem.nodes);
   for (int i = 0; i < rows.contacts; ++i) {
-    if (rows.row[i].other >= 0) continue;
-    const PatchSample& s = problem.sample[rows.row[i].sample];
-    if (s.node[0] < 0) continue;
+    const NodeWeights at = node_weights(problem, rows.row[i]);
     Vec3 force = scratch.lambda[rows.rows_per_contact * i] * rows.row[i].frame.col(0);
     for (int t = 1; t < rows.rows_per_contact; ++t)
       force += scratch.lambda[rows.rows_per_contact * i + t] * rows.row[i].frame.col(t);
-    for (int c = 0; c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * force;
+    for (std::size_t c = 0; c < at.node.size(); ++c) f.segment<3>(3 * at.node[c]) += at.weight[c] * force;
   }
   return f;
 }
@@ -42,6 +40,11 @@ VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memo
     if (s.node[0] < 0) continue;
     const Vec3 force = memory.force_on(s.id);
     for (int c = 0; c < 3; ++c) f.segment<3>(3 * s.node[c]) += s.weight[c] * force;
+  }
+  for (int k = 0; k < problem.edges; ++k) {
+    const EdgeSample& e = problem.edge[k];
+    const Vec3 force = memory.force_on(e.id);
+    for (int c = 0; c < 4; ++c) f.segment<3>(3 * e.node[c]) += e.weight[c] * force;
   }
   return f;
 }

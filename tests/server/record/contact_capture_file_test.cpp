@@ -98,8 +98,9 @@ TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
   }
 }
 
-// A file of version 3 without the number of instruments, the friction between them, who is present, and of each
-// remembered contact primitive, instrument (an i32 each) and the other's anchor, is one of version 1.
+// A file of version 4 without the number of instruments, the friction between them, who is present, the edge
+// samples, and of each remembered contact primitive, instrument (an i32 each), the other's anchor and the
+// advance, is one of version 1.
 TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   const auto captured = pressed(Renewal::renewed);
   const ContactMemory& memory = captured->capture.state.memory;
@@ -107,15 +108,16 @@ TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   for (int k = 0; k < memory.count; ++k) ASSERT_EQ(memory.entry[k].primitive, 0);
   write_capture(file_, captured->instruments, captured->capture);
   std::string old = bytes();
-  constexpr std::size_t result = 8 + 8 + 4 + 8 + 1 + 8 + 48, entry = 8 + 4 + 4 + 3 * 24 + 1;
+  constexpr std::size_t result = 8 + 8 + 4 + 8 + 1 + 8 + 48, entry = 8 + 4 + 4 + 3 * 24 + 8 + 1;
   const std::size_t present = old.size() - result - 1;
   old.erase(present, 1);
   const std::size_t first = present - 56 - 48 - static_cast<std::size_t>(memory.count) * entry;
   for (int k = memory.count - 1; k >= 0; --k) {
     const std::size_t at = first + static_cast<std::size_t>(k) * entry;
-    old.erase(at + 16 + 2 * 24, 24);
+    old.erase(at + 16 + 2 * 24, 24 + 8);
     old.erase(at + 8, 8);
   }
+  old.erase(first - 4 - 4, 4);
   constexpr std::size_t header = 16 + 4, settings = 8 + 8 + 56 + 1 + 1 + 8 + 24;
   std::size_t shape = 4 + 4;
   for (const Primitive& p : captured->instruments[0].primitives)
@@ -148,6 +150,26 @@ TEST_F(CaptureFile, PrimitivesOfContactsComeBack) {
   EXPECT_THROW(read_capture(file_), InputError);
 }
 
+// A blade's edge at its limit comes back with its advance, and with the same force.
+TEST_F(CaptureFile, EdgesComeBackWithTheirAdvance) {
+  const auto captured = pressed(Renewal::renewed);
+  CondensedProblem& p = captured->capture.problem;
+  p.edges = 1;
+  p.edge[0] = {edge_id(0, 0),  0,    0, {6, 7, 11, 12}, {0.2, 0.3, 0.4, 0.1}, Vec3(0, 0, -3e-3),
+               -Vec3::UnitZ(), 1e-3, 0};
+  ContactState& state = captured->capture.state;
+  for (int tick = 0; tick < 20; ++tick) solve(*captured, state, 20 + tick);
+  const ContactMemory::Entry* known = state.memory.find(edge_id(0, 0), 0);
+  ASSERT_NE(known, nullptr);
+  ASSERT_GT(known->advance, 1e-6);
+  write_capture(file_, captured->instruments, captured->capture);
+  const auto read = read_capture(file_);
+  ASSERT_EQ(read->capture.problem.edges, 1);
+  EXPECT_EQ(read->capture.state.memory.find(edge_id(0, 0), 0)->advance, known->advance);
+  ContactState own = state, other = read->capture.state;
+  EXPECT_EQ(again(*read, other).wrench[0], again(*captured, own).wrench[0]);
+}
+
 TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   const auto captured = pressed(Renewal::renewed);
   write_capture(file_, captured->instruments, captured->capture);
@@ -157,8 +179,8 @@ TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
   expect_refused(good + "x", "longer");
   std::string other = good;
-  other[8] = 4;
-  expect_refused(other, "version 4");
+  other[8] = 5;
+  expect_refused(other, "version 5");
   other = good;
   other[12] = 9;
   expect_refused(other, "byte order");

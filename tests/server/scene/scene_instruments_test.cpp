@@ -183,6 +183,42 @@ TEST_F(SceneInstruments, FaultsOfAnEntryAreNamedThere) {
   expect_fault("friction: 0.3", "friction: -0.1", "instrument_friction", "at least 0");
 }
 
+TEST_F(SceneInstruments, ABladeIsAnEdgeOnTissueThatHasAToughness) {
+  const std::string blade =
+      "    blade:\n      edge: [[-0.1, 0, 0], [0.1, 0, 0]]\n      direction: [0, 0, -2]\n      samples: 4\n";
+  const std::string with_blade =
+      with(with(two_hands, "    removable: true\n", "    removable: true\n    toughness: 120\n"),
+           "    device: falcon\n", blade + "    device: falcon\n");
+  const Scene scene = read(with_blade);
+  EXPECT_EQ(scene.bodies[0].toughness, 120);
+  EXPECT_TRUE(scene.instruments[0].shape.blade.sample.empty());
+  const Blade& read_back = scene.instruments[1].shape.blade;
+  ASSERT_EQ(read_back.sample.size(), 4u);
+  EXPECT_EQ(read_back.direction, -Vec3::UnitZ());
+  EXPECT_NEAR(read_back.sample[0].place.x(), -0.075, 1e-15);
+  EXPECT_NEAR(read_back.sample[0].width, 0.05, 1e-15);
+  EXPECT_NE(describe(scene).find("blade      200.00 mm wide, 4 samples"), std::string::npos);
+  EXPECT_NE(describe(scene).find("toughness 120 J/m2"), std::string::npos);
+
+  // The line of `place` in the changed scene.
+  const auto expect = [&](const std::string& old, const std::string& replacement, const std::string& place,
+                          const std::string& key, const std::string& words) {
+    const std::string text = with(with_blade, old, replacement);
+    const auto end = text.begin() + static_cast<std::ptrdiff_t>(text.find(place));
+    expect_fault_in(with_blade, old, replacement, key, words,
+                    1 + static_cast<int>(std::count(text.begin(), end, '\n')));
+  };
+  expect("toughness: 120", "toughness: 0", "toughness", "bodies[0].toughness", "above 0");
+  expect("    toughness: 120\n", "", "blade:", "instruments[1].blade", "no body can be cut");
+  expect("samples: 4", "samples: 33", "samples", "instruments[1].blade.samples", "32");
+  expect("direction: [0, 0, -2]", "direction: [0, 0, 0]", "direction", "instruments[1].blade.direction",
+         "is zero");
+  expect("direction: [0, 0, -2]", "direction: [1, 0, 0]", "edge:", "instruments[1].blade.edge",
+         "along the edge");
+  expect("[[-0.1, 0, 0], [0.1, 0, 0]]", "[[-0.1, 0, 0]]", "edge:", "instruments[1].blade.edge", "two points");
+  expect("      edge:", "      edges:", "edges:", "instruments[1].blade.edges", "did you mean 'edge'?");
+}
+
 TEST_F(SceneInstruments, DevicesWithTissueOfTheirOwnNeedOneInstrument) {
   Scene scene = read(two_hands);
   try {

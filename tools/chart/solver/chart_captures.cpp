@@ -108,9 +108,10 @@ class Captures {
           false);
     } else {
       const std::vector<double> mu(scratch_->mu.begin(), scratch_->mu.begin() + rows.contacts);
+      const std::vector<double> limit(scratch_->limit.begin(), scratch_->limit.begin() + rows.contacts);
       CoulombOptions options;
       options.tolerance = tolerance;
-      CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
+      CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options, limit);
       add({"hybrid", true, false}, now_us() - begun, r.residual, r.active, r.status == SolveStatus::solved,
           false);
       lambda.setZero();
@@ -118,17 +119,18 @@ class Captures {
       options.max_sweeps = 1 << 20;
       begun = now_us();
       options.deadline = until(begun + budget_us);
-      r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options);
+      r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options, limit);
       const bool solved = r.status == SolveStatus::solved;
       add({"block_gauss_seidel", true, false}, now_us() - begun, r.residual, r.active, solved, !solved);
     }
     lambda.setZero();
     const std::vector<double> mu(scratch_->mu.begin(), scratch_->mu.begin() + rows.contacts);
+    const std::vector<double> limit(scratch_->limit.begin(), scratch_->limit.begin() + rows.contacts);
     const bool friction = rows.rows_per_contact == 3;
     begun = now_us();
     const PeerResult r =
         solve_projected(W, q, friction ? std::span<const double>(mu) : std::span<const double>{}, lambda,
-                        tolerance, 1 << 20, until(begun + budget_us));
+                        tolerance, 1 << 20, until(begun + budget_us), limit);
     add({"pgs", friction, false}, now_us() - begun, r.residual,
         static_cast<int>((lambda.array() > 0).count()), r.solved, !r.solved);
   }

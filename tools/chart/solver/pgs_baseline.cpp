@@ -18,7 +18,8 @@ double lcp_residual(const MatX& W, const VecX& q, const VecX& z) {
 }
 
 PeerResult solve_projected(const MatX& W, const VecX& q, std::span<const double> mu, VecX& lambda,
-                           double tolerance, int max_sweeps, const Deadline& deadline) {
+                           double tolerance, int max_sweeps, const Deadline& deadline,
+                           std::span<const double> limit) {
   constexpr int sweeps_between_checks = 4;
   const int width = mu.empty() ? 1 : 3;
   const auto row = [&](Eigen::Index i) { return lambda[i] - (W.col(i).dot(lambda) + q[i]) / W(i, i); };
@@ -27,6 +28,7 @@ PeerResult solve_projected(const MatX& W, const VecX& q, std::span<const double>
     for (Eigen::Index i = 0; i < q.size(); i += width) {
       lambda[i] = std::max(0.0, row(i));
       if (width == 1) continue;
+      if (!limit.empty()) lambda[i] = std::min(lambda[i], limit[static_cast<std::size_t>(i / 3)]);
       for (int t = 1; t <= 2; ++t) lambda[i + t] = row(i + t);
       const double disc = mu[static_cast<std::size_t>(i / 3)] * lambda[i],
                    length = lambda.segment<2>(i + 1).norm();
@@ -34,7 +36,7 @@ PeerResult solve_projected(const MatX& W, const VecX& q, std::span<const double>
     }
     const bool late = deadline.passed();
     if (++result.sweeps % sweeps_between_checks != 0 && !late) continue;
-    result.residual = mu.empty() ? lcp_residual(W, q, lambda) : coulomb_residual(W, q, lambda, mu);
+    result.residual = mu.empty() ? lcp_residual(W, q, lambda) : coulomb_residual(W, q, lambda, mu, limit);
     result.solved = result.residual <= tolerance;
     if (late) break;
   }
