@@ -50,9 +50,11 @@ struct ComplianceOptions {
   int reference_age_limit = 1000;         // updates since the reference factor that are left alone
   int reference_removed_limit = 64;       // removals carried over as low-rank terms that are left alone
   int most_carried = 256;                 // zone: what goes beyond them waits for the next reference factor
-  bool synchronous_reference = true;      // zone: `update` then makes it, late; false: somebody else does
-  bool quantised_reference = false;       // zone: solve with a rounded copy of it (leading_columns.h)
-  int lazy_reference_after = 0;  // lazy: removals until `update` makes a new one; 0: never, as the paper
+  int most_appended = 128;  // zone: nodes that cuts may append to the corner; beyond it the corner still
+                            // grows, but allocates. A reference factor is wanted from half of it on
+  bool synchronous_reference = true;  // zone: `update` then makes it, late; false: somebody else does
+  bool quantised_reference = false;   // zone: solve with a rounded copy of it (leading_columns.h)
+  int lazy_reference_after = 0;       // lazy: removals until `update` makes a new one; 0: never, as the paper
   NodeOrder updown_order = NodeOrder::zone_last;
   Factorisation factorisation = Factorisation::multifrontal;  // exact
   int sample_every = 1;                                       // updates between two samples of the error
@@ -73,7 +75,8 @@ struct ComplianceReport {
   double residual = 0;  // ‖A y − b‖/‖b‖ of one sampled solve y = C b, against the true A(u)
   double error = 0;     // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
   int removed_since_reference = 0;
-  int reference_age = 0;  // updates since the reference factor was made
+  int appended_since_reference = 0;  // nodes that cuts have appended to the corner: zone alone
+  int reference_age = 0;             // updates since the reference factor was made
   double rotation_since_reference =
       0;                         // largest in the zone, beyond its piece's own where that is undone [rad]
   std::size_t memory_bytes = 0;  // of factor, inverse and terms
@@ -94,8 +97,8 @@ class Compliance {
   // Pre: these tetrahedra just went, and are dead in `after`. An `update` must follow before any use.
   virtual void remove(const TissueState& after, std::span<const int> tets) = 0;
 
-  // Pre: a cut just changed the corners of these live tetrahedra, or took them into use (TissueModel::parent);
-  // the model and `after` are as they are now. An `update` must follow before any use.
+  // Pre: a cut just changed the corners of these live tetrahedra, or took them into use
+  // (TissueModel::parent); the model and `after` are as they are now. An `update` must follow before any use.
   virtual void reshape(const TissueState& after, std::span<const int> tets);
 
   // Post: C is the method's inverse of A at the state's rotations, live tetrahedra only.

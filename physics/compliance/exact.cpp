@@ -7,6 +7,7 @@
 #include "physics/compliance/compliance.h"
 #include "physics/compliance/factor/cholmod_factor.h"
 #include "physics/compliance/factor/multifrontal_factor.h"
+#include "physics/compliance/growing_order.h"
 #include "physics/compliance/patch_inverse.h"
 #include "physics/compliance/residual.h"
 
@@ -18,13 +19,7 @@ template <class Factor>
 class ExactCompliance final : public Compliance {
  public:
   ExactCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
-      : options_(options),
-        constant_(!model.corotational),
-        fixed_(model.fixed),
-        graph_(node_graph(model)),
-        fill_order_(fill_reducing_order(graph_)),
-        matrix_(model, graph_, h),
-        in_zone_(model.node_count(), 0) {}
+      : ExactCompliance(model, h, options, node_graph(model)) {}
 
   void move_zone(std::span<const int> nodes) override {
     std::vector<std::uint8_t> in_zone(in_zone_.size(), 0);
@@ -32,7 +27,7 @@ class ExactCompliance final : public Compliance {
     for (const int n : nodes) {
       if (n < 0 || n >= static_cast<int>(in_zone.size()))
         throw std::invalid_argument("the zone names node " + std::to_string(n));
-      if (fixed_[n] || in_zone[n]) continue;
+      if (model_.fixed[n] || in_zone[n] || n >= model_.nodes_in_use) continue;
       in_zone[n] = 1;
       zone.push_back(n);
     }
@@ -43,11 +38,24 @@ class ExactCompliance final : public Compliance {
   }
 
   bool zone_covers(std::span<const int> nodes) const override {
-    return std::all_of(nodes.begin(), nodes.end(), [&](int n) { return in_zone_[n] || fixed_[n]; });
+    return std::all_of(nodes.begin(), nodes.end(),
+                       [&](int n) { return in_zone_[n] || model_.fixed[n] || n >= model_.nodes_in_use; });
   }
 
   // `update` sees from the state what went.
   void remove(const TissueState&, std::span<const int>) override {}
+
+  // The new mesh is planned by the next update. A new node joins the zone that it came from.
+  void reshape(const TissueState&, std::span<const int> tets) override {
+    const int known = fill_order_.node_count();
+    fill_order_.follow(model_, matrix_.elements(), tets);
+    for (int n = known; n < fill_order_.node_count(); ++n) {
+      if (model_.fixed[n] || !in_zone_[fill_order_.origin(n)] || in_zone_[n]) continue;
+      in_zone_[n] = 1;
+      zone_.push_back(n);
+    }
+    mesh_is_current_ = order_is_current_ = factored_ = false;
+  }
 
   void update(const TissueState& state) override {
     // A of a linear body changes with removals alone: its factor serves until the zone moves.
@@ -55,9 +63,11 @@ class ExactCompliance final : public Compliance {
     reported_ = false;
     removed_at_factor_ = state.removed;
     const Within factor_part(options_.times, StepPart::factor);
+    if (!mesh_is_current_) matrix_ = SystemMatrix(model_, node_graph(model_), h_);
+    mesh_is_current_ = true;
     if (!order_is_current_) {
       const std::vector<std::uint8_t> live = matrix_.live_edges(state);
-      const std::vector<int> order = zone_last_order(matrix_.graph_of(live), fill_order_, zone_);
+      const std::vector<int> order = zone_last_order(matrix_.graph_of(live), fill_order_.order(), zone_);
       if constexpr (std::is_same_v<Factor, MultifrontalFactor>)
         factor_.set_order(matrix_, order, live, static_cast<int>(zone_.size()));
       else
@@ -89,6 +99,7 @@ class ExactCompliance final : public Compliance {
       else
         y.segment<3>(3 * n).setZero();
     }
+    y.tail(y.size() - 3 * matrix_.node_count()).setZero();  // nodes not in use
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
@@ -100,7 +111,9 @@ class ExactCompliance final : public Compliance {
     corner_is_current_ = true;
     const int zone_start = matrix_.node_count() - zone_size;
     places_.clear();
-    for (const int n : nodes) places_.push_back(matrix_.in_system(n) ? factor_.place(n) - zone_start : -1);
+    for (const int n : nodes)
+      places_.push_back(n < matrix_.node_count() && matrix_.in_system(n) ? factor_.place(n) - zone_start
+                                                                         : -1);
     patch_inverse_(corner_, places_, block);
   }
 
@@ -119,19 +132,29 @@ class ExactCompliance final : public Compliance {
   }
 
  private:
+  ExactCompliance(const TissueModel& model, double h, const ComplianceOptions& options,
+                  const NodeGraph& graph)
+      : model_(model),
+        h_(h),
+        options_(options),
+        constant_(!model.corotational),
+        fill_order_(fill_reducing_order(graph)),
+        matrix_(model, graph, h),
+        in_zone_(model.node_count(), 0) {}
+
   void require_factor() const {
     if (!factored_) throw std::runtime_error("the compliance was used before a successful update");
   }
 
+  const TissueModel& model_;
+  double h_;
   ComplianceOptions options_;
   bool constant_;  // A follows removals alone
   bool reported_ = false;
   ComplianceReport report_;
   int since_sample_ = std::numeric_limits<int>::max() / 2;  // reports
   int removed_at_factor_ = 0;
-  std::vector<std::uint8_t> fixed_;
-  NodeGraph graph_;
-  std::vector<int> fill_order_;
+  GrowingOrder fill_order_;
   SystemMatrix matrix_;
   Factor factor_;
   PatchInverse patch_inverse_;
@@ -139,6 +162,7 @@ class ExactCompliance final : public Compliance {
   std::vector<std::uint8_t> in_zone_;
   std::vector<int> places_;
   MatX corner_;
+  bool mesh_is_current_ = true;
   bool order_is_current_ = false;
   bool factored_ = false;
   bool corner_is_current_ = false;

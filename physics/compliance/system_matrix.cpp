@@ -23,13 +23,15 @@ double stiffness_factor(const Material& m, bool dynamic, double h) noexcept {
 
 SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, double h)
     : h_(h), material_(model.material), dynamic_(model.dynamic), fixed_(model.fixed) {
-  std::vector<int> first_edge(model.node_count() + 1, 0);
-  for (int i = 0; i < model.node_count(); ++i) {
+  const int nodes = graph.node_count();
+  std::vector<int> first_edge(nodes + 1, 0);
+  edges_.reserve(graph.neighbour.size() / 2);
+  for (int i = 0; i < nodes; ++i) {
     first_edge[i] = static_cast<int>(edges_.size());
     for (const int j : graph.of(i))
       if (j > i) edges_.push_back({i, j});
   }
-  first_edge[model.node_count()] = static_cast<int>(edges_.size());
+  first_edge[nodes] = static_cast<int>(edges_.size());
   const auto edge_between = [&](int i, int j) {
     if (fixed_[i] || fixed_[j]) return -1;
     const auto last = edges_.begin() + first_edge[i + 1];
@@ -40,28 +42,43 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
 
   elements_.resize(model.tet_count());
   for (int t = 0; t < model.tets_in_use; ++t) {
-    const Tet& tet = model.mesh.tets[t];
     Element& element = elements_[t];
-    std::array<int, 4> corner = {0, 1, 2, 3};
-    std::sort(corner.begin(), corner.end(), [&](int a, int b) { return tet[a] < tet[b]; });
-    for (int a = 0; a < 4; ++a) {
-      element.node[a] = tet[corner[a]];
-      element.gradients.col(a) = model.gradients[t].col(corner[a]);
-    }
+    element = element_of(model, t);
     for (int p = 0; p < 6; ++p)
       element.edge[p] = edge_between(element.node[corner_pairs[p][0]], element.node[corner_pairs[p][1]]);
-    element.volume = model.volume[t];
   }
-  diagonal_.resize(model.node_count());
+  diagonal_.resize(nodes);
   coupling_.resize(edges_.size());
-  in_system_.resize(model.node_count());
+  in_system_.resize(nodes);
+}
+
+SystemMatrix::Element element_of(const TissueModel& model, int t) noexcept {
+  const Tet& tet = model.mesh.tets[t];
+  SystemMatrix::Element element;
+  std::array<int, 4> corner = {0, 1, 2, 3};
+  std::sort(corner.begin(), corner.end(), [&](int a, int b) { return tet[a] < tet[b]; });
+  for (int a = 0; a < 4; ++a) {
+    element.node[a] = tet[corner[a]];
+    element.gradients.col(a) = model.gradients[t].col(corner[a]);
+  }
+  element.volume = model.volume[t];
+  return element;
+}
+
+int known_ancestor(const TissueModel& model, std::span<const SystemMatrix::Element> elements,
+                   int t) noexcept {
+  while (elements[t].node == no_tet) {
+    if (model.parent[t] == t) return -1;
+    t = model.parent[t];
+  }
+  return t;
 }
 
 double SystemMatrix::stiffness() const noexcept { return stiffness_factor(material_, dynamic_, h_); }
 double SystemMatrix::mu() const noexcept { return stiffness() * material_.mu(); }
 double SystemMatrix::lambda() const noexcept { return stiffness() * material_.lambda(); }
-double SystemMatrix::lumped_mass(int tet) const noexcept {
-  return mass_factor(material_, dynamic_, h_) * 0.25 * material_.density * elements_[tet].volume;
+double SystemMatrix::lumped_mass(double volume) const noexcept {
+  return mass_factor(material_, dynamic_, h_) * 0.25 * material_.density * volume;
 }
 
 void SystemMatrix::assemble(const TissueState& state) noexcept {
@@ -101,6 +118,7 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
 
 void SystemMatrix::add_collapsed(const Collapsed& c) noexcept {
   const Element& element = elements_[c.tet];
+  if (!same_corners(element.node, c.node)) return;  // it was cut since, and its rotation is not found yet
   const std::array<int, 4> corner = corners_in_order(element.node, c.node);
   for (int a = 0; a < 4; ++a)
     diagonal_[element.node[a]] += stiffness() * barrier_block(c, corner[a], corner[a]);

@@ -5,12 +5,14 @@
 // Units: A [N/m], h [s]. Shapes: one block per node, one per edge (i, j) with i < j: rows of i, columns of j;
 // the blocks of (j, i) are their transposes. Rows of fixed and orphan nodes are those of the identity times
 // `identity_scale`, the mean diagonal of the others, so that they neither couple nor spoil the conditioning.
-// Everything needed is copied: the model may go. Source: the paper, eq. (2).
+// Only nodes in use have rows. Everything
+// needed is copied: the model may go. Source: the paper, eq. (2).
 #pragma once
 
 #include <Eigen/SparseCore>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "physics/compliance/factor/node_order.h"
@@ -48,14 +50,17 @@ class SystemMatrix {
     Gradients gradients = Gradients::Zero();  // columns follow `node`
     double volume = 0;
   };
-  const std::vector<Element>& elements() const noexcept { return elements_; }
+  const std::vector<Element>& elements() const noexcept {
+    return elements_;
+  }  // per tetrahedron, spare ones too
+  const std::vector<std::uint8_t>& fixed() const noexcept { return fixed_; }  // of the model: spare nodes too
   bool fixed(int node) const noexcept { return fixed_[node] != 0; }
   // What one element adds: blocks from (1 + β/h) μ and λ, and on the diagonal of each of its nodes
   // (1/h² + α/h) times a quarter of its mass.
   double stiffness() const noexcept;  // 1 + β/h
   double mu() const noexcept;
   double lambda() const noexcept;
-  double lumped_mass(int tet) const noexcept;
+  double lumped_mass(double volume) const noexcept;
 
  private:
   void add_collapsed(const Collapsed& c) noexcept;
@@ -71,6 +76,13 @@ class SystemMatrix {
   std::vector<std::uint8_t> in_system_;
   double identity_scale_ = 1;
 };
+
+// The model's tetrahedron as it is now, without its edges.
+SystemMatrix::Element element_of(const TissueModel& model, int tet) noexcept;
+
+// The nearest of a tetrahedron and those it was split from that these elements know; -1: none is.
+int known_ancestor(const TissueModel& model, std::span<const SystemMatrix::Element> elements,
+                   int tet) noexcept;
 
 // A x at a state, element by element without A. Entries outside the system are zero, and have to be in x.
 VecX multiply_system_matrix(const TissueModel& model, const TissueState& state, double h, const VecX& x);

@@ -6,14 +6,16 @@
 //   K_ab = V (κ c_a c_bᵀ + p ‖F‖ (g_a·g_b) I)
 //
 // The co-rotational energy measures volume by tr(RᵀF), which a tetrahedron flattened one way and stretched
-// another does not change: it can lose all its volume for nothing. The volume barrier measures det F. Its force is the
-// exact gradient of its energy and continuous at J₀; K is positive semi-definite and bounds the energy's
-// second derivative from above (−∂²J/∂F² ≤ ‖F‖ while J ≥ 0; inside out by up to 2/√3 more). It is
+// another does not change: it can lose all its volume for nothing. The volume barrier measures det F. Its
+// force is the exact gradient of its energy and continuous at J₀; K is positive semi-definite and bounds the
+// energy's second derivative from above (−∂²J/∂F² ≤ ‖F‖ while J ≥ 0; inside out by up to 2/√3 more). It is
 // finite at J = 0 and below: inversion is made dear, not impossible, nor is its undoing sure (README).
 // Units: p, κ in Pa; c in 1/m; f in N, K in N/m. Cost: nothing where no tetrahedron is collapsed but its det
 // F. Source: Irving, Teran and Fedkiw 2004 for elasticity that survives inversion; a quadratic barrier in J
 // is a usual choice, its constants are ours (README).
 #pragma once
+
+#include <algorithm>
 
 #include "physics/tissue/tissue.h"
 
@@ -35,6 +37,11 @@ inline std::array<int, 4> corners_in_order(const Tet& wanted, const Tet& node) n
     for (int b = 0; b < 4; ++b)
       if (node[b] == wanted[a]) corner[a] = b;
   return corner;
+}
+
+// Whether they are the same four.
+inline bool same_corners(const Tet& a, const Tet& b) noexcept {
+  return std::is_permutation(a.begin(), a.end(), b.begin());
 }
 
 inline Mat3 barrier_block(const Collapsed& c, int a, int b) noexcept {

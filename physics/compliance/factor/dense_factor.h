@@ -21,10 +21,15 @@ class DenseFactor {
   // Others than the processor's best are for tests.
   explicit DenseFactor(const FrontKernels& kernels = front_kernels()) : kernels_(&kernels) {}
 
+  // Up to this size `resize` then allocates nothing.
+  void reserve(int size) {
+    memory_.reserve(static_cast<std::size_t>(stride_of(size)) * size);
+    reciprocal_.reserve(size);
+  }
+
   void resize(int size) {
     size_ = size;
-    const int height = (size + row_multiple - 1) / row_multiple * row_multiple;
-    stride_ = height / row_multiple % 2 == 0 ? height + row_multiple : height;
+    stride_ = stride_of(size);
     memory_.reserve(static_cast<std::size_t>(stride_) * size);
     for (int j = 0; j < size; ++j) std::fill_n(memory_.data() + j * stride_ + size, stride_ - size, 0.0);
     reciprocal_.resize(size);
@@ -41,6 +46,11 @@ class DenseFactor {
   }
 
  private:
+  static int stride_of(int size) noexcept {
+    const int height = (size + row_multiple - 1) / row_multiple * row_multiple;
+    return height / row_multiple % 2 == 0 ? height + row_multiple : height;
+  }
+
   const FrontKernels* kernels_;
   int size_ = 0;
   std::ptrdiff_t stride_ = 0;

@@ -10,17 +10,28 @@
 namespace hapticd {
 
 NodeGraph node_graph(const TissueModel& model) {
-  std::vector<std::vector<int>> neighbours(model.node_count());
-  for (const Tet& tet : std::span(model.mesh.tets).first(model.tets_in_use))
-    for (const int a : tet)
-      for (const int b : tet)
-        if (a != b && !model.fixed[a] && !model.fixed[b]) neighbours[a].push_back(b);
+  const std::span<const Tet> tets = std::span(model.mesh.tets).first(model.tets_in_use);
+  const auto each_pair = [&](const auto& use) {
+    for (const Tet& tet : tets)
+      for (const int a : tet)
+        for (const int b : tet)
+          if (a != b && !model.fixed[a] && !model.fixed[b]) use(a, b);
+  };
+  std::vector<int> first(model.nodes_in_use + 1, 0);
+  each_pair([&](int a, int) { ++first[a + 1]; });
+  std::partial_sum(first.begin(), first.end(), first.begin());
+  std::vector<int> named(first.back());  // by each tetrahedron that joins them
+  std::vector<int> next(first.begin(), first.end() - 1);
+  each_pair([&](int a, int b) { named[next[a]++] = b; });
+
   NodeGraph graph;
   graph.start.assign(1, 0);
-  for (std::vector<int>& list : neighbours) {
-    std::sort(list.begin(), list.end());
-    list.erase(std::unique(list.begin(), list.end()), list.end());
-    graph.neighbour.insert(graph.neighbour.end(), list.begin(), list.end());
+  graph.start.reserve(first.size());
+  graph.neighbour.reserve(named.size() / 3);
+  for (int n = 0; n < model.nodes_in_use; ++n) {
+    const auto begin = named.begin() + first[n], end = named.begin() + first[n + 1];
+    std::sort(begin, end);
+    graph.neighbour.insert(graph.neighbour.end(), begin, std::unique(begin, end));
     graph.start.push_back(static_cast<int>(graph.neighbour.size()));
   }
   return graph;

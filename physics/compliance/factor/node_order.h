@@ -4,14 +4,8 @@
 //
 // Moving the zone costs no new METIS call. The rest is postordered in its own elimination forest (the tree
 // cut where it enters the zone): the same fill, but each supernode contiguous, and the zone stays last, which
-// a postorder of the whole tree would break.
-// Groundwork for subdivision (the paper's future work; not built): nodes that a cut adds lie at the tool, so
-// they belong to the zone, and zone-last makes them an *append*: the rest, its order and its columns of L
-// stay, and new rows and columns go to the trailing corner's end, which `zone` assembles and factors afresh
-// at every step anyway. An element that is split outside the zone's inside would first go as a removal (a
-// carried term) and come back as inside elements of the new nodes. What an append needs: capacity in S, graph
-// and model for new nodes; places past the last one; old zone neighbours that stay in the zone until the next
-// base. Shapes: an order lists nodes, first eliminated first.
+// a postorder of the whole tree would break. Nodes that a cut takes into use join the order beside the ones
+// they came from (growing_order.h). Shapes: an order lists nodes, first eliminated first.
 #pragma once
 
 #include <span>
@@ -32,6 +26,7 @@ struct NodeGraph {
   }
 };
 
+// Of the nodes in use.
 NodeGraph node_graph(const TissueModel& model);
 
 // METIS nested dissection. Throws std::runtime_error when it fails.

@@ -7,7 +7,6 @@
 // is made by supernodes and then turned into simplicial L D Lᵀ (simplicial factorisation takes ten times
 // longer). Its columns hold the pattern of the whole body, so no change ever needs room.
 // Source: Davis and Hager, "Row modifications of a sparse Cholesky factorization", and their update papers.
-// Subdivision would be an append here: new nodes ordered after the zone, their rows solved for with L.
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>

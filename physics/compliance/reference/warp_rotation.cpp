@@ -75,21 +75,64 @@ void nearest_to_sums(Mat3* M) noexcept {
 }  // namespace
 
 WarpRotation::WarpRotation(const TissueModel& model)
-    : model_(model), start_(model.node_count() + 1, 0), reference_(model.tet_count(), Mat3::Identity()) {
-  for (const Tet& tet : model.mesh.tets)
-    for (const int n : tet) ++start_[n + 1];
-  for (int n = 0; n < model.node_count(); ++n) start_[n + 1] += start_[n];
-  tet_.resize(start_.back());
-  std::vector<int> next(start_.begin(), start_.end() - 1);
-  for (int t = 0; t < model.tet_count(); ++t)
-    for (const int n : model.mesh.tets[t]) tet_[next[n]++] = t;
+    : model_(model),
+      first_(model.node_count(), -1),
+      next_(4 * model.tet_count(), -1),
+      corners_(model.tet_count(), no_tet),
+      reference_(model.tet_count(), Mat3::Identity()),
+      known_(model.tets_in_use) {
+  for (int t = known_ - 1; t >= 0; --t) link(t);
+}
+
+// Each corner that is not yet in its node's list goes from the list where it is to the head of that one.
+void WarpRotation::link(int t) {
+  for (int a = 0; a < 4; ++a) {
+    const int corner = 4 * t + a;
+    const int node = model_.mesh.tets[t][a];
+    if (corners_[t][a] == node) continue;
+    if (corners_[t][a] >= 0) {
+      int* at = &first_[corners_[t][a]];
+      while (*at != corner) at = &next_[*at];
+      *at = next_[corner];
+    }
+    corners_[t][a] = node;
+    next_[corner] = first_[node];
+    first_[node] = corner;
+  }
+}
+
+void WarpRotation::inherit_reference(int t) {
+  int from = t;
+  while (from >= known_ && model_.parent[from] != from) from = model_.parent[from];
+  reference_[t] = reference_[from];
+}
+
+void WarpRotation::set_reference(const std::vector<Mat3>& rotation, int known) {
+  reference_ = rotation;
+  known_ = known;
+  for (int t = known; t < model_.tets_in_use; ++t) inherit_reference(t);
+}
+
+void WarpRotation::reshape(std::span<const int> tets) {
+  for (const int t : tets) {
+    link(t);
+    if (t >= known_) inherit_reference(t);
+  }
+  piece_of_tet_.clear();
+  removed_ = -1;
+}
+
+template <class Use>
+void WarpRotation::each_around(int node, const TissueState& state, const Use& use) const {
+  for (int k = first_[node]; k >= 0; k = next_[k])
+    if (state.alive[k / 4]) use(k / 4);
 }
 
 Mat3 WarpRotation::operator()(int node, const TissueState& state) const noexcept {
   Mat3 sum = Mat3::Zero();
-  for (int k = start_[node]; k < start_[node + 1]; ++k)
-    if (const int t = tet_[k]; state.alive[t])
-      sum.noalias() += model_.volume[t] * state.rotation[t] * reference_[t].transpose();
+  each_around(node, state, [&](int t) {
+    sum.noalias() += model_.volume[t] * state.rotation[t] * reference_[t].transpose();
+  });
   return nearest_rotation(sum, Mat3::Identity());  // of nothing: the identity
 }
 
@@ -133,9 +176,7 @@ bool WarpRotation::joined_around(const Tet& tet, const TissueState& state) {
     std::iota(parent_.begin(), parent_.end(), 0);
   }
   const auto around = [&](auto&& use) {
-    for (const int n : tet)
-      for (int k = start_[n]; k < start_[n + 1]; ++k)
-        if (state.alive[tet_[k]]) use(model_.mesh.tets[tet_[k]]);
+    for (const int n : tet) each_around(n, state, [&](int t) { use(model_.mesh.tets[t]); });
   };
   around([&](const Tet& other) {
     for (int a = 1; a < 4; ++a) parent_[root(other[a])] = root(other[0]);

@@ -23,13 +23,17 @@ class WarpRotation {
  public:
   explicit WarpRotation(const TissueModel& model);
 
-  void set_reference(const std::vector<Mat3>& rotation) { reference_ = rotation; }
+  // Of the tetrahedra before `known`; those split from them since have turned from where these were.
+  void set_reference(const std::vector<Mat3>& rotation, int known);
+
+  // A cut changed the corners of these tetrahedra, or took them into use.
+  void reshape(std::span<const int> tets);
 
   // Q of one node at the state's rotations.
   Mat3 operator()(int node, const TissueState& state) const noexcept;
 
   // Q of every node, in one pass over the tetrahedra (by piece: a second one after a removal that may have
-  // cut).
+  // cut, and after any cut).
   void all(Warping warping, const TissueState& state, std::vector<Mat3>& Q);
 
   const std::vector<Mat3>& reference() const noexcept { return reference_; }
@@ -38,12 +42,19 @@ class WarpRotation {
   void by_node(const TissueState& state, std::vector<Mat3>& Q) const;
   void by_piece(const TissueState& state, std::vector<Mat3>& Q);
   bool still_whole(const TissueState& state);
+  template <class Use>
+  void each_around(int node, const TissueState& state, const Use& use) const;
+  void link(int tet);
+  void inherit_reference(int tet);
   bool joined_around(const Tet& tet, const TissueState& state);
 
   const TissueModel& model_;
-  std::vector<int> start_;       // nodes + 1
-  std::vector<int> tet_;         // of each node, ascending
+  // The tetrahedra around each node as lists of corners 4·tet + a, which a cut changes in place; -1: its end.
+  std::vector<int> first_;       // per node
+  std::vector<int> next_;        // per corner
+  std::vector<Tet> corners_;     // per tetrahedron, as they are linked
   std::vector<Mat3> reference_;  // per tetrahedron
+  int known_;                    // tetrahedra that the reference factor knows
   std::vector<int> piece_of_tet_;
   std::vector<int> piece_of_node_;  // -1: orphan
   std::vector<Mat3> sum_;           // per piece

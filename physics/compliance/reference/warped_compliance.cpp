@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "physics/compliance/growing_order.h"
 #include "physics/compliance/reference/low_rank_inverse.h"
 #include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/residual.h"
@@ -20,6 +21,8 @@ struct WarpedReference final : ReferenceFactor {
   TissueState state;
   std::vector<int> order;
   std::vector<int> zone;  // last in the order; empty where METIS's own order was kept
+  int cuts = 0;           // that its mesh has had
+  int tets = 0;           // in use
   double identity_scale = 1;
   std::unique_ptr<LowRankInverse> inverse;
 
@@ -53,7 +56,7 @@ class Warped : public Interface {
         h_(h),
         options_(options),
         graph_(node_graph(model)),
-        fill_order_(fill_reducing_order(graph_)),
+        order_(fill_reducing_order(graph_)),
         matrix_(model, graph_, h),
         turn_(model),
         in_zone_(model.node_count(), 0) {}
@@ -64,7 +67,7 @@ class Warped : public Interface {
     for (const int n : nodes) {
       if (n < 0 || n >= model_.node_count())
         throw std::invalid_argument("the zone names node " + std::to_string(n));
-      if (model_.fixed[n] || in_zone[n]) continue;
+      if (model_.fixed[n] || in_zone[n] || n >= model_.nodes_in_use) continue;
       in_zone[n] = 1;
       zone.push_back(n);
     }
@@ -75,12 +78,13 @@ class Warped : public Interface {
 
   bool zone_covers(std::span<const int> nodes) const override {
     return std::all_of(nodes.begin(), nodes.end(), [&](int n) {
-      return n >= 0 && n < model_.node_count() && (in_zone_[n] || model_.fixed[n] || !needs_zone());
+      return n >= 0 && n < model_.node_count() &&
+             (in_zone_[n] || model_.fixed[n] || n >= model_.nodes_in_use || !needs_zone());
     });
   }
 
   void remove(const TissueState& after, std::span<const int> tets) override {
-    if (!inverse_) return;
+    if (!inverse_ || !mesh_is_current()) return;
     for (const int t : tets) {
       if (gone_[t] || after.alive[t]) continue;
       for (const int n : model_.mesh.tets[t]) {
@@ -101,10 +105,25 @@ class Warped : public Interface {
     }
   }
 
+  // A new node joins the zone that it came from.
+  void reshape(const TissueState&, std::span<const int> tets) override {
+    const int known = order_.node_count();
+    order_.follow(model_, matrix_.elements(), tets);
+    for (int n = known; n < order_.node_count(); ++n) {
+      if (model_.fixed[n] || in_zone_[n] || !in_zone_[order_.origin(n)]) continue;
+      in_zone_[n] = 1;
+      zone_.push_back(n);
+    }
+    turn_.reshape(tets);
+    ++cuts_;
+    updated_ = false;
+  }
+
   void update(const TissueState& state) override {
     const Within factor(options_.times, StepPart::factor);
     updated_ = false;
     sampled_.reset();
+    follow_mesh();
     if (inverse_ && state.removed != gone_count_) remove_untold(state);
     if (needs_new_reference(state)) {
       inverse_.reset();
@@ -121,15 +140,17 @@ class Warped : public Interface {
   void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) override {
     require_update();
     if (turns_.empty()) find_turns();
-    VecX x(b.size());
-    for (int n = 0; n < model_.node_count(); ++n) {
+    const int nodes = matrix_.node_count();
+    VecX x(3 * nodes);
+    for (int n = 0; n < nodes; ++n) {
       if (in_system(n))
         x.segment<3>(3 * n) = turns_[n].transpose() * b.segment<3>(3 * n);
       else
         x.segment<3>(3 * n).setZero();
     }
     inverse_->apply(x);
-    for (int n = 0; n < model_.node_count(); ++n) {
+    y.tail(y.size() - x.size()).setZero();  // nodes not in use
+    for (int n = 0; n < nodes; ++n) {
       if (in_system(n))
         y.segment<3>(3 * n) = turns_[n] * x.segment<3>(3 * n);
       else
@@ -184,13 +205,16 @@ class Warped : public Interface {
   }
 
  protected:
-  std::unique_ptr<WarpedReference> reference_of(const TissueState& state) const {
+  std::unique_ptr<WarpedReference> reference_of(const TissueState& state) {
+    follow_mesh();
     auto reference = std::make_unique<WarpedReference>(method_, matrix_, state);
+    reference->cuts = cuts_;
+    reference->tets = model_.tets_in_use;
     if (method_ == ComplianceMethod::lazy)
       std::fill(reference->state.rotation.begin(), reference->state.rotation.end(), Mat3::Identity());
     if (method_ == ComplianceMethod::dense) return reference;
     if (method_ == ComplianceMethod::lazy || needs_zone()) reference->zone = zone_;
-    reference->order = zone_last_order(graph_, fill_order_, reference->zone);
+    reference->order = zone_last_order(graph_, order_.order(), reference->zone);
     return reference;
   }
 
@@ -198,11 +222,23 @@ class Warped : public Interface {
     if (reference.method != method_ || !reference.inverse)
       throw std::invalid_argument("not a made reference factor of this compliance");
     updated_ = false;
+    if (reference.cuts != cuts_) return;  // of an older mesh: the next update makes one, or has
     take(reference);
     if (state.removed != gone_count_) remove_untold(state);
   }
 
  private:
+  bool mesh_is_current() const { return mesh_cuts_ == cuts_; }
+
+  // The system matrix of the mesh as it is now; what was made of an older one is of no use any more.
+  void follow_mesh() {
+    if (mesh_is_current()) return;
+    mesh_cuts_ = cuts_;
+    graph_ = node_graph(model_);
+    matrix_ = SystemMatrix(model_, graph_, h_);
+    inverse_.reset();
+  }
+
   bool needs_zone() const {
     return method_ == ComplianceMethod::updown && options_.updown_order == NodeOrder::zone_last;
   }
@@ -221,7 +257,7 @@ class Warped : public Interface {
   void take(WarpedReference& reference) {
     inverse_ = std::move(reference.inverse);
     identity_scale_ = reference.identity_scale;
-    turn_.set_reference(reference.state.rotation);
+    turn_.set_reference(reference.state.rotation, reference.tets);
     gone_.resize(model_.tet_count());
     for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference.state.alive[t];
     gone_count_ = reference.state.removed;
@@ -265,8 +301,10 @@ class Warped : public Interface {
   double h_;
   ComplianceOptions options_;
   NodeGraph graph_;
-  std::vector<int> fill_order_;
+  GrowingOrder order_;
   SystemMatrix matrix_;
+  int cuts_ = 0;       // told
+  int mesh_cuts_ = 0;  // that the matrix has had
   WarpRotation turn_;
   std::vector<int> zone_;
   std::vector<std::uint8_t> in_zone_;

@@ -7,7 +7,8 @@
 // for `dense` the present one: its inverse is made anew whenever a rotation has changed. A removal outside,
 // across or inside the zone is the same. When its last tetrahedron goes, a node first gets the identity times
 // A's mean diagonal, so that its row stays regular.
-// `update` makes a reference factor itself the first time; after a change broke down; for `updown` in
+// `update` makes a reference factor itself the first time; after a cut, of the new mesh, at once (these are
+// methods to compare with); after a change broke down; for `updown` in
 // zone-last order when the zone moved; for `lazy` after `lazy_reference_after` removals.
 // Accuracy: exact to round-off while nothing has turned since; then as good as warping, which `report`
 // measures against the present A(u) (residual.h) at the cost of an assembly and two solves. Removals that

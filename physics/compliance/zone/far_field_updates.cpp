@@ -8,24 +8,25 @@ void FarFieldUpdates::clear(int dofs) {
   X_.setZero(dofs, 12);
 }
 
-bool FarFieldUpdates::change(LeadingColumns& panels, const ElementTerm& term, std::span<const int> places,
-                             TermSign sign, MatX& S_out) {
-  const int rank = term.rank;
+bool FarFieldUpdates::change(LeadingColumns& panels, const Eigen::Ref<const MatX>& V,
+                             std::span<const int> places, TermSign sign, Corner S_out) {
+  const Eigen::Index rank = V.cols();
   if (rank == 0) return true;
+  if (X_.cols() < rank) X_.setZero(X_.rows(), rank);
+  auto X = X_.leftCols(rank);
   const int rest = panels.rest_dofs();
   std::vector<int> nonzero;
-  for (int c = 0; c < term.corners; ++c)
+  for (int c = 0; c < static_cast<int>(places.size()); ++c)
     for (int r = 0; r < 3; ++r) {
       nonzero.push_back(3 * places[c] + r);
-      X_.row(nonzero.back()).head(rank) = term.V.row(3 * c + r).head(rank);
+      X.row(nonzero.back()) = V.row(3 * c + r);
     }
-  X_.conservativeResize(Eigen::NoChange, rank);
 
   Term next;
   next.first = columns_;
-  panels.forward_sparse(X_, nonzero, next.row);
-  next.Y = X_(next.row, Eigen::all);
-  next.v = X_.bottomRows(S_out.rows());
+  panels.forward_sparse(X, nonzero, next.row);
+  next.Y = X(next.row, Eigen::all);
+  next.v = X.middleRows(rest, S_out.rows());
   MatX D = -next.Y.transpose() * next.Y;
   D.diagonal().array() += sign == TermSign::take_out ? 1.0 : -1.0;
   next.W.resize(columns_, rank);
@@ -33,24 +34,22 @@ bool FarFieldUpdates::change(LeadingColumns& panels, const ElementTerm& term, st
   for (const Term& earlier : terms_) {
     const Eigen::Index width = earlier.Y.cols();
     auto own = t.middleRows(earlier.first, width);
-    own.noalias() = -earlier.Y.transpose() * X_(earlier.row, Eigen::all);
+    own.noalias() = -earlier.Y.transpose() * X(earlier.row, Eigen::all);
     own.noalias() -= earlier.W.transpose() * t.topRows(earlier.first);
     next.W.middleRows(earlier.first, width) = solved(earlier, own);
-    next.v.noalias() -= earlier.v * next.W.middleRows(earlier.first, width);
+    next.v.topRows(earlier.v.rows()).noalias() -= earlier.v * next.W.middleRows(earlier.first, width);
   }
   D.noalias() -= t.transpose() * next.W;
 
-  for (const int row : next.row) X_.row(row).setZero();
-  X_.bottomRows(X_.rows() - rest).setZero();
-  X_.conservativeResize(Eigen::NoChange, 12);
-  X_.rightCols(12 - rank).setZero();
+  for (const int row : next.row) X.row(row).setZero();
+  X.middleRows(rest, S_out.rows()).setZero();
 
   next.sign = sign == TermSign::take_out ? 1.0 : -1.0;
   next.D.compute(next.sign * D);
   if (next.D.info() != Eigen::Success || !next.v.allFinite()) return false;
   const MatX half = next.D.matrixL().solve(MatX(next.v.transpose()));
   S_out.selfadjointView<Eigen::Lower>().rankUpdate(half.transpose(), -next.sign);
-  columns_ += rank;
+  columns_ += static_cast<int>(rank);
   terms_.push_back(std::move(next));
   return true;
 }
@@ -62,14 +61,14 @@ void FarFieldUpdates::before_corner(const Eigen::Ref<const MatX>& X, MatX& g, Ei
     auto own = g.middleRows(term.first, rank);
     own.noalias() = -term.Y.transpose() * X(term.row, Eigen::all);
     own.noalias() -= term.W.transpose() * g.topRows(term.first);
-    corner.noalias() -= term.v * solved(term, own);
+    corner.topRows(term.v.rows()).noalias() -= term.v * solved(term, own);
   }
 }
 
 void FarFieldUpdates::after_corner(const Eigen::Ref<const MatX>& corner, MatX& g, Eigen::Ref<MatX> X) const {
   for (const Term& term : terms_) {
     auto own = g.middleRows(term.first, term.Y.cols());
-    own.noalias() -= term.v.transpose() * corner;
+    own.noalias() -= term.v.transpose() * corner.topRows(term.v.rows());
     own = solved(term, own);
   }
   for (auto term = terms_.rbegin(); term != terms_.rend(); ++term) {

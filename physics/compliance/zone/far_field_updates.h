@@ -1,13 +1,13 @@
 // Low-rank changes of a reference factor outside its corner: A' = A ∓ V₁V₁ᵀ ∓ V₂V₂ᵀ …, kept between its two
-// halves.
+// halves. The corner may grow between two of them: the earlier V are zero in its new rows.
 //
 //   [A_rr A_rz V_r; A_zr A_zz V_z; V_rᵀ V_zᵀ D⁰]   with D⁰ = ±I eliminates to A' where λ goes first, and to
 //   Y = L_rr⁻¹ V_r,   v = V_z − L_zr Y,   D = ±I − YᵀY,   S_out' = S_out − v D⁻¹ vᵀ
 //
 // where it goes between r and z. So a removal that reaches out of the zone costs one sparse half solve and a
 // change of S_out, once: the corner and C_pp of every later step cost what they did. Only `apply` has the
-// λ to solve, each of at most twelve. Woodbury in factor form: no inverse of the removed element is needed.
-// Terms are eliminated in the order they came, so T of a later one is reduced by the earlier:
+// λ to solve, of an element at most twelve. Woodbury in factor form: no inverse of the removed element is
+// needed. Terms are eliminated in the order they came, so T of a later one is reduced by the earlier:
 //   t_ij = −Y_iᵀY_j − Σ_k<i t_kiᵀ D_k⁻¹ t_kj,   and the same for v_j and D_j.
 // Every D_j is definite as long as A is after each term (negative for an added one).
 // Shapes: columns in the order's places, 3·nodes. Units: V Vᵀ, D⁻¹ v vᵀ [N/m].
@@ -24,12 +24,15 @@ namespace hapticd {
 
 class FarFieldUpdates {
  public:
+  using Corner = Eigen::Ref<MatX, 0, Eigen::OuterStride<>>;
+
   void clear(int dofs);
   bool empty() const noexcept { return terms_.empty(); }
 
-  // `places`: of the term's corners in the order. False, and nothing is changed, when D is not definite.
-  [[nodiscard]] bool change(LeadingColumns& panels, const ElementTerm& term, std::span<const int> places,
-                            TermSign sign, MatX& S_out);
+  // `places`: in the order, of the nodes that V has three rows each of. False, and nothing is changed, when D
+  // is not definite.
+  [[nodiscard]] bool change(LeadingColumns& panels, const Eigen::Ref<const MatX>& V,
+                            std::span<const int> places, TermSign sign, Corner S_out);
 
   // Between the halves, for each column of X: λ before the corner's solve, and after it.
   void before_corner(const Eigen::Ref<const MatX>& X, MatX& g, Eigen::Ref<MatX> corner) const;
@@ -46,7 +49,7 @@ class FarFieldUpdates {
     int first = 0;         // of its λ
     std::vector<int> row;  // rest rows where Y may be nonzero
     MatX Y;                // |row| × rank
-    MatX v;                // corner × rank
+    MatX v;                // corner, as it was then × rank
     MatX W;                // first × rank: D_i⁻¹ t_ij of the earlier terms, stacked
     double sign = 1;       // of D
     Eigen::LLT<MatX> D;    // of sign · D

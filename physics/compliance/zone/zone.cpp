@@ -1,4 +1,5 @@
-// Method `zone`: which nodes, what was removed, how far the tissue turned; the solves are zone_factor.h's.
+// Method `zone`: which nodes, what was removed or cut, how far the tissue turned; the solves are
+// zone_factor.h's.
 #include <algorithm>
 #include <stdexcept>
 #include <string>
@@ -7,6 +8,7 @@
 #include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/reference_compliance.h"
 #include "physics/compliance/zone/zone_factor.h"
+#include "physics/compliance/zone/zone_reshaping.h"
 #include "physics/compliance/zone/zone_sample.h"
 
 namespace hapticd {
@@ -18,7 +20,7 @@ class ZoneCompliance final : public ReferenceCompliance {
   ZoneCompliance(const TissueModel& model, double h, const ComplianceOptions& options)
       : model_(model),
         options_(options),
-        structure_(std::make_shared<const ZoneStructure>(model, h)),
+        meshes_(model, h),
         turn_(model),
         factor_(options.quantised_reference ? PanelPrecision::rounded : PanelPrecision::full),
         sample_(options),
@@ -32,7 +34,7 @@ class ZoneCompliance final : public ReferenceCompliance {
     for (const int n : nodes) {
       if (n < 0 || n >= model_.node_count())
         throw std::invalid_argument("the zone names node " + std::to_string(n));
-      if (model_.fixed[n] || wanted[n]) continue;
+      if (model_.fixed[n] || wanted[n] || n >= model_.nodes_in_use) continue;
       wanted[n] = 1;
       zone.push_back(n);
     }
@@ -44,7 +46,7 @@ class ZoneCompliance final : public ReferenceCompliance {
   void move_halo(std::span<const int> nodes) override {
     halo_.clear();
     for (const int n : nodes)
-      if (!model_.fixed.at(n) && !wanted_[n]) halo_.push_back(n);
+      if (!model_.fixed.at(n) && !wanted_[n] && n < model_.nodes_in_use) halo_.push_back(n);
   }
 
   bool zone_covers(std::span<const int> nodes) const override {
@@ -65,6 +67,21 @@ class ZoneCompliance final : public ReferenceCompliance {
     }
   }
 
+  void reshape(const TissueState& after, std::span<const int> tets) override {
+    updated_ = forward_solved_ = false;
+    turn_.reshape(tets);
+    const int known = meshes_.order().node_count();
+    const std::vector<int> cut =
+        meshes_.cut(reference_ ? reference_->elements() : meshes_.structure().matrix.elements(), tets);
+    // A new node joins the zone wanted that it came from.
+    for (int n = known; n < model_.nodes_in_use; ++n) {
+      if (model_.fixed[n] || wanted_[n] || !wanted_[meshes_.order().origin(n)]) continue;
+      wanted_[n] = 1;
+      wanted_zone_.push_back(n);
+    }
+    if (reference_) follow_cut(after, cut);
+  }
+
   void update(const TissueState& state) override {
     const Within assembly(options_.times, StepPart::assembly);
     updated_ = forward_solved_ = false;
@@ -73,7 +90,9 @@ class ZoneCompliance final : public ReferenceCompliance {
     } else if (state.removed != removed_count_) {
       remove_untold(state);
     }
-    if (not_carried_ > 0 && options_.synchronous_reference) make_now(state);
+    const bool overdue = not_carried_ > 0 || carried_count_ > options_.most_carried ||
+                         reference_->appended() > options_.most_appended;
+    if (spoilt_ || (overdue && options_.synchronous_reference)) make_now(state);
     follow(state);
     if (!factor_.factor_corner(state, Q_, in_system_, options_.times)) {
       // Only round-off can do this, where almost nothing holds a piece: start from the present A.
@@ -87,7 +106,8 @@ class ZoneCompliance final : public ReferenceCompliance {
     ++reference_age_;
     updated_ = true;
     if (sample_.due_after_update(reference_age_))
-      sample_.take(sample_residual(*this, model_, state, structure_->h), Q_, removed_count_);
+      sample_.take(sample_residual(*this, model_, state, meshes_.structure().h), Q_,
+                   removed_count_ + meshes_.cuts());
   }
 
   bool forward_covers(std::span<const int> nodes) const override {
@@ -147,13 +167,13 @@ class ZoneCompliance final : public ReferenceCompliance {
 
   void apply_in_zone(const Eigen::Ref<const VecX>& f, Eigen::Ref<VecX> y) override {
     require_update();
-    auto corner = half_.x.tail(factor_.corner_size());
+    auto corner = factor_.corner_of(half_.x);
     corner.setZero();
-    for (const int n : reference_->zone())
+    for (const int n : reference_->corner())
       if (in_system_[n])
         half_.x.segment<3>(3 * reference_->place(n)).noalias() = Q_[n].transpose() * f.segment<3>(3 * n);
     factor_.solve_corner(corner);
-    turn_back_at(reference_->zone(), y);
+    turn_back_at(reference_->corner(), y);
   }
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
@@ -176,7 +196,7 @@ class ZoneCompliance final : public ReferenceCompliance {
 
   double disagreement(const TissueState& state, const VecX& y) override {
     require_update();
-    VecX change = multiply_system_matrix(model_, state, structure_->h, y);
+    VecX change = multiply_system_matrix(model_, state, meshes_.structure().h, y);
     apply(change, change);
     change -= y;
     return change.lpNorm<Eigen::Infinity>() / std::max(y.lpNorm<Eigen::Infinity>(), 1e-300);
@@ -190,14 +210,17 @@ class ZoneCompliance final : public ReferenceCompliance {
     report.residual = sampled.residual;
     report.error = sampled.error;
     report.health = health_of(sampled, options_);
-    if (report.health == ComplianceHealth::good && (not_carried_ > 0 || !sample_.holds(Q_, removed_count_)))
+    if (report.health == ComplianceHealth::good &&
+        (not_carried_ > 0 || !sample_.holds(Q_, removed_count_ + meshes_.cuts())))
       report.health = ComplianceHealth::new_reference_wanted;
     report.wants_reference = report.health == ComplianceHealth::degraded || not_carried_ > 0 ||
                              std::max(sampled.residual, sampled.error) > options_.reference_error_limit ||
                              report.rotation_since_reference > options_.reference_rotation_limit ||
                              reference_age_ > options_.reference_age_limit ||
-                             carried_count_ > options_.reference_removed_limit;
+                             carried_count_ > options_.reference_removed_limit ||
+                             reference_->appended() > options_.most_appended / 2;
     report.removed_since_reference = removed_since_reference_;
+    report.appended_since_reference = reference_->appended();
     report.reference_age = reference_age_;
     report.memory_bytes = factor_.memory_bytes();
     return report;
@@ -246,8 +269,9 @@ class ZoneCompliance final : public ReferenceCompliance {
                                                   std::unique_ptr<ZoneReference> retired) const {
     std::vector<int> nodes = wanted_zone_;
     nodes.insert(nodes.end(), halo_.begin(), halo_.end());
-    return std::make_unique<ZoneReference>(structure_, std::move(nodes),
-                                           static_cast<int>(wanted_zone_.size()), state,
+    return std::make_unique<ZoneReference>(meshes_.now(), std::move(nodes),
+                                           static_cast<int>(wanted_zone_.size()),
+                                           std::min(options_.most_appended, meshes_.spare_nodes()), state,
                                            options_.quantised_reference, std::move(retired));
   }
 
@@ -255,10 +279,12 @@ class ZoneCompliance final : public ReferenceCompliance {
     updated_ = forward_solved_ = false;
     retired_ = std::move(reference_);
     reference_ = std::move(reference);
-    turn_.set_reference(reference_->state().rotation);
+    meshes_.made(reference_->mesh());
+    turn_.set_reference(reference_->state().rotation, reference_->mesh().tets);
     sample_.forget();
     half_.x.resize(3 * model_.node_count());
-    factor_.set_reference(*reference_, model_.node_count());
+    factor_.set_reference(*reference_, model_.node_count(),
+                          std::min(options_.most_appended, meshes_.spare_nodes()));
     gone_.resize(model_.tet_count());
     for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference_->state().alive[t];
     removed_count_ = reference_->state().removed;
@@ -266,7 +292,20 @@ class ZoneCompliance final : public ReferenceCompliance {
     for (int n = 0; n < model_.node_count(); ++n)
       stayed_orphan_[n] = reference_->state().live_tets_of_node[n] == 0;
     removed_since_reference_ = reference_age_ = carried_count_ = not_carried_ = 0;
+    spoilt_ = false;
+    if (reference_->mesh().cuts != meshes_.cuts())
+      follow_cut(state, meshes_.cut_since(reference_->mesh().cuts));
     if (state.removed != removed_count_) remove_untold(state);
+    removed_count_ = state.removed;
+  }
+
+  void follow_cut(const TissueState& after, std::span<const int> tets) {
+    for (const int t : tets)
+      if (reference_->elements()[t].node != no_tet) hold_orphans(after, reference_->elements()[t].node);
+    const CarriedShapes carried =
+        follow_reshaped(*reference_, factor_, model_, after, turn_.reference(), gone_, tets);
+    carried_count_ += (carried.columns + 11) / 12;  // a removal has twelve
+    spoilt_ = spoilt_ || !carried.definite;
   }
 
   void remove_untold(const TissueState& state) {
@@ -286,22 +325,23 @@ class ZoneCompliance final : public ReferenceCompliance {
       ++not_carried_;
       return;
     }
-    // An orphan outside the corner gets the identity's row before its last stiffness goes.
+    hold_orphans(after, nodes);
+    Tet corners = nodes;
+    std::sort(corners.begin(), corners.end(),
+              [&](int a, int b) { return reference_->place(a) < reference_->place(b); });
+    const ElementTerm term = element_term(model_, meshes_.structure().h, t, turn_.reference()[t], corners);
+    not_carried_ += !factor_.carry(term, TermSign::take_out);
+    ++carried_count_;
+  }
+
+  // An orphan outside the corner gets the identity's row before its last stiffness goes.
+  void hold_orphans(const TissueState& after, const Tet& nodes) {
     for (const int n : nodes) {
       if (model_.fixed[n] || stayed_orphan_[n] || after.live_tets_of_node[n] > 0) continue;
       stayed_orphan_[n] = 1;
       if (reference_->zone_place(n) < 0)
-        change(identity_term(n, reference_->identity_scale()), TermSign::add);
+        not_carried_ += !factor_.carry(identity_term(n, reference_->identity_scale()), TermSign::add);
     }
-    Tet corners = nodes;
-    std::sort(corners.begin(), corners.end(),
-              [&](int a, int b) { return reference_->place(a) < reference_->place(b); });
-    change(element_term(model_, structure_->h, t, turn_.reference()[t], corners), TermSign::take_out);
-    ++carried_count_;
-  }
-
-  void change(const ElementTerm& term, TermSign sign) {
-    if (!factor_.carry(term, sign)) ++not_carried_;
   }
 
   void follow(const TissueState& state) {
@@ -310,7 +350,7 @@ class ZoneCompliance final : public ReferenceCompliance {
     const Warping warping = options_.warping.value_or(Warping::piece);
     turn_.all(warping, state, Q_);
     largest_turn_ = 0;
-    for (const int n : reference_->zone())
+    for (const int n : reference_->corner())
       if (in_system_[n])
         largest_turn_ =
             std::max(largest_turn_, warping == Warping::node ? angle_of(Q_[n])
@@ -319,7 +359,7 @@ class ZoneCompliance final : public ReferenceCompliance {
 
   const TissueModel& model_;
   ComplianceOptions options_;
-  std::shared_ptr<const ZoneStructure> structure_;
+  ZoneMeshes meshes_;
   WarpRotation turn_;
   ZoneFactor factor_;
   ZoneSample sample_;
@@ -336,6 +376,7 @@ class ZoneCompliance final : public ReferenceCompliance {
   int removed_since_reference_ = 0;
   int carried_count_ = 0;
   int not_carried_ = 0;
+  bool spoilt_ = false;  // what was carried of a cut
   int reference_age_ = 0;
 
   std::vector<Mat3> Q_;

@@ -1,33 +1,33 @@
 #include "physics/compliance/zone/zone_factor.h"
 
 #include <algorithm>
-#include <array>
 
 namespace hapticd {
 
-void ZoneFactor::set_reference(ZoneReference& reference, int nodes) {
+void ZoneFactor::set_reference(ZoneReference& reference, int nodes, int room) {
   reference_ = &reference;
-  carried_.clear(3 * nodes);
-  corner_.resize(3 * reference.zone_size());
+  dofs_ = 3 * nodes;
+  carried_.clear(dofs_);
+  corner_.reserve(static_cast<int>(corner_size()) + 3 * room);
+  grow_corner();
 }
 
-bool ZoneFactor::carry(const ElementTerm& term, TermSign sign) {
-  std::array<int, 4> places{};
-  for (int c = 0; c < term.corners; ++c) places[c] = reference_->place(term.node[c]);
-  return carried_.change(reference_->panels(), term, {places.data(), static_cast<std::size_t>(term.corners)},
-                         sign, reference_->outer_corner());
+bool ZoneFactor::carry(std::span<const int> nodes, const Eigen::Ref<const MatX>& V, TermSign sign) {
+  places_.clear();
+  for (const int n : nodes) places_.push_back(reference_->place(n));
+  return carried_.change(reference_->panels(), V, places_, sign, reference_->outer_corner());
 }
 
 bool ZoneFactor::factor_corner(const TissueState& state, std::span<const Mat3> Q,
                                std::span<const std::uint8_t> in_system, PartTimes* times) {
-  const MatX& S_out = reference_->outer_corner();
+  const auto S_out = reference_->outer_corner();
   auto S = corner();
   for (Eigen::Index j = 0; j < S.cols(); ++j) {
     const Eigen::Index rows = S.rows() - j / row_multiple * row_multiple;  // whole tiles
     S.col(j).tail(rows) = S_out.col(j).tail(rows);
   }
   reference_->add_inside(state, Q, S);
-  for (const int n : reference_->zone()) {
+  for (const int n : reference_->corner()) {
     if (in_system[n]) continue;
     const int p = 3 * reference_->zone_place(n);
     S.middleRows(p, 3).leftCols(p + 3).setZero();
@@ -42,21 +42,21 @@ void ZoneFactor::forward(Half& half, Reach reach) {
   VecX& x = half.x;
   if (reach == Reach::all) reference_->panels().forward(x, precision_);
   if (reach == Reach::last_panel) reference_->panels().forward_last(x, precision_);
-  auto tail = x.tail(corner_size());
+  auto tail = corner_of(x);
   Eigen::Map<MatX> column(x.data(), x.size(), 1);
   if (reach == Reach::corner || carried_.empty())
     half.g.setZero(carried_.columns(), 1);
   else
-    carried_.before_corner(column, half.g, column.bottomRows(tail.size()));
+    carried_.before_corner(column, half.g, column.middleRows(rest_dofs(), tail.size()));
   corner().triangularView<Eigen::Lower>().solveInPlace(tail);
 }
 
 void ZoneFactor::through_corner(Half& half) {
   VecX& x = half.x;
-  auto tail = x.tail(corner_size());
+  auto tail = corner_of(x);
   Eigen::Map<MatX> column(x.data(), x.size(), 1);
   corner().triangularView<Eigen::Lower>().transpose().solveInPlace(tail);
-  if (!carried_.empty()) carried_.after_corner(column.bottomRows(tail.size()), half.g, column);
+  if (!carried_.empty()) carried_.after_corner(column.middleRows(rest_dofs(), tail.size()), half.g, column);
 }
 
 void ZoneFactor::backward(Half& half) {
@@ -75,7 +75,7 @@ void ZoneFactor::solve_corner(Eigen::Ref<VecX> force) {
 }
 
 void ZoneFactor::patch(std::span<const int> places, Eigen::Ref<MatX> block) {
-  const int rest = reference_->panels().rest_dofs() / 3;
+  const int rest = static_cast<int>(rest_dofs() / 3);
   zone_places_.clear();
   std::vector<int> outside;  // indices into places
   std::vector<int> rows;     // theirs
@@ -94,15 +94,14 @@ void ZoneFactor::patch(std::span<const int> places, Eigen::Ref<MatX> block) {
 void ZoneFactor::patch_beyond_zone(std::span<const int> outside, std::span<const int> rows,
                                    Eigen::Ref<MatX> block) {
   const auto columns = static_cast<Eigen::Index>(rows.size());
-  const Eigen::Index dofs = corner_size() + reference_->panels().rest_dofs();
-  if (beyond_.rows() != dofs || beyond_.cols() < columns) beyond_.setZero(dofs, columns);
+  if (beyond_.rows() != dofs_ || beyond_.cols() < columns) beyond_.setZero(dofs_, columns);
   auto X = beyond_.leftCols(columns);
   for (std::size_t k = 0; k < rows.size(); ++k) X(rows[k], static_cast<Eigen::Index>(k)) = 1;
   std::vector<int> reached;
   reference_->panels().forward_sparse(X, rows, reached);
   const MatX X_r = X(reached, Eigen::all);
   MatX C_uu = X_r.transpose() * X_r;
-  auto tail = X.bottomRows(corner_size());
+  auto tail = X.middleRows(rest_dofs(), corner_size());
   if (!carried_.empty()) {
     carried_.before_corner(X, g_, tail);
     carried_.add_energy(g_, C_uu);
@@ -128,7 +127,7 @@ void ZoneFactor::patch_beyond_zone(std::span<const int> outside, std::span<const
 
 std::size_t ZoneFactor::memory_bytes() const noexcept {
   return reference_->panels().memory_bytes() + carried_.memory_bytes() +
-         2 * sizeof(double) * static_cast<std::size_t>(reference_->outer_corner().size());
+         2 * sizeof(double) * static_cast<std::size_t>(corner_size() * corner_size());
 }
 
 }  // namespace hapticd

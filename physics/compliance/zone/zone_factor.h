@@ -6,7 +6,8 @@
 //
 // Everything is in the reference factor's frame and order: the caller turns vectors by Q, and names nodes by
 // their places. A solve is two halves, `forward` and `backward`; between them a `Half` can be kept, and
-// halves of several right-hand sides added. Shapes: x 3·nodes; places: of a node in the order, −1: not in the
+// halves of several right-hand sides added. Shapes: x 3·nodes of the model, the
+// corner behind the rest, and what is not in use last; places: of a node in the order, −1: not in the
 // system. Units: A [N/m], block [m/N]. Pre: set_reference, then a factor_corner that returned true.
 #pragma once
 
@@ -25,11 +26,20 @@ class ZoneFactor {
  public:
   explicit ZoneFactor(PanelPrecision precision) : precision_(precision) {}
 
-  // The reference factor must outlive its use here. Nothing is carried, and the corner is not factored.
-  void set_reference(ZoneReference& reference, int nodes);
+  // The reference factor must outlive its use here. Nothing is carried, and the corner is not factored. The
+  // corner may grow by `room` nodes without allocation. `nodes`: of the model, spare ones too.
+  void set_reference(ZoneReference& reference, int nodes, int room);
 
-  // Adds a removal outside the corner. Returns false, and changes nothing, if A would not stay definite.
-  [[nodiscard]] bool carry(const ElementTerm& term, TermSign sign);
+  // After nodes were appended to the reference factor's corner.
+  void grow_corner() { corner_.resize(static_cast<int>(corner_size())); }
+
+  // Adds or takes out V Vᵀ outside the corner, V with three rows for each of these nodes. Returns false, and
+  // changes nothing, if A would not stay definite.
+  [[nodiscard]] bool carry(std::span<const int> nodes, const Eigen::Ref<const MatX>& V, TermSign sign);
+  [[nodiscard]] bool carry(const ElementTerm& term, TermSign sign) {
+    return carry({term.node.data(), static_cast<std::size_t>(term.corners)},
+                 term.V.topLeftCorner(3 * term.corners, term.rank), sign);
+  }
   [[nodiscard]] bool carries_any() const noexcept { return !carried_.empty(); }
 
   // Returns false if the corner is not positive definite. Zone nodes out of the system get the identity's
@@ -51,7 +61,10 @@ class ZoneFactor {
 
   // S⁻¹ of a force on the zone's nodes alone, in place.
   void solve_corner(Eigen::Ref<VecX> corner);
-  Eigen::Index corner_size() const noexcept { return reference_->outer_corner().rows(); }
+  Eigen::Index corner_size() const noexcept {
+    return static_cast<Eigen::Index>(3 * reference_->corner().size());
+  }
+  Eigen::Ref<VecX> corner_of(VecX& x) const noexcept { return x.segment(rest_dofs(), corner_size()); }
 
   // C_pp of the nodes at these places; a half solve for each that lies outside the zone.
   void patch(std::span<const int> places, Eigen::Ref<MatX> block);
@@ -59,6 +72,7 @@ class ZoneFactor {
   std::size_t memory_bytes() const noexcept;
 
  private:
+  Eigen::Index rest_dofs() const noexcept { return reference_->panels().rest_dofs(); }
   DenseFactor::View corner() noexcept { return corner_.matrix(); }
   void through_corner(Half& half);
   void patch_beyond_zone(std::span<const int> outside, std::span<const int> rows, Eigen::Ref<MatX> block);
@@ -69,6 +83,8 @@ class ZoneFactor {
   DenseFactor corner_;
   PatchInverse patch_inverse_;
   std::vector<int> zone_places_;
+  std::vector<int> places_;
+  int dofs_ = 0;
   MatX g_;
   MatX beyond_;  // zero between uses
 };

@@ -8,15 +8,31 @@
 
 namespace hapticd {
 
-ZoneStructure::ZoneStructure(const TissueModel& model, double step)
-    : h(step), graph(node_graph(model)), fill_order(fill_reducing_order(graph)), matrix(model, graph, step) {}
-
-ZoneReference::ZoneReference(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone_and_halo,
-                             int zone, const TissueState& state, bool quantised_copy,
+// Tissue that splits. Let E be the elements as reference factor, corner and terms have them, and some e of E
+// take new forms F(e): another corner, another shape, or several tetrahedra. Nodes that come into use are
+// appended to the corner, S_out ← [S_out 0; 0 0].
+//
+//   old inside, new inside:   E and F(e) are in no S_out: A_in(reference) was taken out, and A_in(now) is
+//     assembled at every step. So the new forms replace the old ones in that list, and nothing else changes.
+//   old not inside:           a_e(reference) is taken out of A_out as a low-rank term.
+//   new inside:               joins the list, as above: it has no node outside, so it may be refreshed.
+//   new not inside:           a_F, at the rotation that the reference factor knows of its ancestor, is added
+//   to
+//     A_out as a low-rank term (zone_reshaping.h), before anything is taken out.
+//
+// Definite: A_out is a sum of positive semi-definite elements again, each with its lumped mass, so
+// A_out ≥ M_out, S_out ≥ M_out,corner ≥ 0 and S = Qᵀ A_in(now) Q + S_out ≥ M(now) as in the header; an
+// appended node's mass is all in the elements that it has, inside or carried. While terms are added A only
+// grows, and what is left while terms are taken out is at least the sum of the new elements: the eliminated
+// part of A stays definite, as long as a node that is left without any element gets the identity's row
+// before.
+ZoneReference::ZoneReference(ZoneMesh mesh, std::vector<int> zone_and_halo, int zone, int room,
+                             const TissueState& state, bool quantised_copy,
                              std::unique_ptr<ZoneReference> retired)
-    : structure_(std::move(structure)),
+    : mesh_(std::move(mesh)),
       zone_and_halo_(std::move(zone_and_halo)),
       zone_(zone),
+      room_(room),
       quantised_copy_(quantised_copy),
       retired_(std::move(retired)) {
   state_.rotation = state.rotation;
@@ -34,70 +50,97 @@ void ZoneReference::make() {
     quantised_memory = retired_->panels_.take_quantised_memory();
     retired_.reset();
   }
-  SystemMatrix matrix = structure_->matrix;
+  mesh_.make_structure();
+  SystemMatrix matrix = mesh_.structure->matrix;
   matrix.assemble(state_);
   identity_scale_ = matrix.identity_scale();
   const std::vector<std::uint8_t> live = matrix.live_edges(state_);
   const std::vector<int> order =
-      zone_last_order(matrix.graph_of(live), structure_->fill_order, zone_and_halo_);
-  rest_ = matrix.node_count() - zone_size();
+      zone_last_order(matrix.graph_of(live), mesh_.structure->fill_order, zone_and_halo_);
+  node_count_ = matrix.node_count();
+  rest_ = node_count_ - zone_;
 
   factor.set_order(matrix, order, live, static_cast<int>(zone_and_halo_.size()));
   factor.factor(matrix);
   place_.resize(order.size());
-  for (int n = 0; n < matrix.node_count(); ++n) place_[n] = factor.place(n);
+  for (int n = 0; n < node_count_; ++n) place_[n] = factor.place(n);
   MatX L_zz;
-  factor.trailing_corner(zone_size(), L_zz);
+  factor.trailing_corner(zone_, L_zz);
   workspace_ = factor.take_workspace();
   panels_ = LeadingColumns(std::move(factor), 3 * rest_, quantised_copy_, std::move(quantised_memory));
+  corner_.reserve(zone_ + room_);
+  corner_.assign(zone_and_halo_.begin(), zone_and_halo_.begin() + zone_);
   near_.clear();
-  for (int n = 0; n < matrix.node_count(); ++n)
+  for (int n = 0; n < node_count_; ++n)
     if (is_near(n)) near_.push_back(n);
-  S_out_.setZero(L_zz.rows(), L_zz.cols());
-  S_out_.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
+  near_.reserve(near_.size() + room_);
+  S_out_.setZero(L_zz.rows() + 3 * room_, L_zz.cols() + 3 * room_);
+  auto S_out = outer_corner();
+  S_out.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
 
-  find_inside();
-  MatX A_in = MatX::Zero(S_out_.rows(), S_out_.cols());
-  const std::vector<Mat3> unturned(matrix.node_count(), Mat3::Identity());
+  elements_ = matrix.elements();
+  fixed_ = matrix.fixed();
+  is_inside_.assign(elements_.size(), 0);
+  inside_.clear();
+  for (int t = 0; t < static_cast<int>(elements_.size()); ++t) {
+    is_inside_[t] = elements_[t].node != no_tet && lies_inside(elements_[t]);
+    if (is_inside_[t]) inside_.push_back(t);
+  }
+  MatX A_in = MatX::Zero(L_zz.rows(), L_zz.cols());
+  const std::vector<Mat3> unturned(node_count_, Mat3::Identity());
   add_inside(state_, unturned, A_in);
-  S_out_.triangularView<Eigen::Lower>() -= A_in;
+  S_out.triangularView<Eigen::Lower>() -= A_in;
   made_ = true;
 }
 
-void ZoneReference::find_inside() {
-  const auto& elements = structure_->matrix.elements();
-  is_inside_.assign(elements.size(), 0);
-  inside_.clear();
-  for (int t = 0; t < static_cast<int>(elements.size()); ++t) {
-    bool in = false;
-    bool out = false;
-    if (elements[t].node == no_tet) continue;
-    for (const int n : elements[t].node) {
-      if (structure_->matrix.fixed(n)) continue;
-      in = in || zone_place(n) >= 0;
-      out = out || zone_place(n) < 0;
-    }
-    is_inside_[t] = in && !out;
-    if (is_inside_[t]) inside_.push_back(t);
+bool ZoneReference::lies_inside(const SystemMatrix::Element& element) const noexcept {
+  bool in = false;
+  for (const int n : element.node) {
+    if (fixed_[n]) continue;
+    if (zone_place(n) < 0) return false;
+    in = true;
   }
+  return in;
+}
+
+void ZoneReference::append(const TissueModel& model) {
+  for (int n = node_count_ + appended(); n < model.nodes_in_use; ++n) {
+    corner_.push_back(n);
+    near_.push_back(n);
+    fixed_[n] = model.fixed[n];
+  }
+  const auto size = static_cast<Eigen::Index>(3 * corner_.size());
+  if (size <= S_out_.rows()) return;
+  const Eigen::Index before = S_out_.rows();
+  MatX grown = MatX::Zero(size + before / 4, size + before / 4);
+  grown.topLeftCorner(before, before) = S_out_;
+  S_out_ = std::move(grown);
+}
+
+void ZoneReference::reshape(int tet, const SystemMatrix::Element& form) {
+  elements_[tet] = form;
+  const bool inside = lies_inside(form);
+  if (inside && !is_inside_[tet]) inside_.push_back(tet);
+  if (!inside && is_inside_[tet]) inside_.erase(std::find(inside_.begin(), inside_.end(), tet));
+  is_inside_[tet] = inside;
 }
 
 void ZoneReference::add_inside(const TissueState& now, std::span<const Mat3> Q,
                                Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
-  const SystemMatrix& matrix = structure_->matrix;
+  const SystemMatrix& matrix = law();
   for (const int t : inside_) {
     if (!now.alive[t]) continue;
-    const SystemMatrix::Element& element = matrix.elements()[t];
+    const SystemMatrix::Element& element = elements_[t];
     const Gradients b = now.rotation[t] * element.gradients;
-    const double mass = matrix.lumped_mass(t);
+    const double mass = matrix.lumped_mass(element.volume);
     for (int i = 0; i < 4; ++i) {
       const int a = element.node[i];
-      if (matrix.fixed(a)) continue;
+      if (fixed_[a]) continue;
       const int p = zone_place(a);
       for (int j = 0; j < 4; ++j) {
         const int c = element.node[j];
         const int q = zone_place(c);
-        if (matrix.fixed(c) || q > p) continue;
+        if (fixed_[c] || q > p) continue;
         const Mat3 K = stiffness_block(b.col(i), b.col(j), element.volume, matrix.mu(), matrix.lambda());
         auto block = S.block<3, 3>(3 * p, 3 * q);
         block.noalias() += Q[a].transpose() * K * Q[c];
@@ -106,11 +149,11 @@ void ZoneReference::add_inside(const TissueState& now, std::span<const Mat3> Q,
     }
   }
   for (const Collapsed& c : now.collapsed) {
-    if (!is_inside_[c.tet] || !now.alive[c.tet]) continue;
+    if (!is_inside_[c.tet] || !now.alive[c.tet] || !same_corners(elements_[c.tet].node, c.node)) continue;
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j) {
         const int a = c.node[i], b = c.node[j];
-        if (matrix.fixed(a) || matrix.fixed(b) || zone_place(b) > zone_place(a)) continue;
+        if (fixed_[a] || fixed_[b] || zone_place(b) > zone_place(a)) continue;
         S.block<3, 3>(3 * zone_place(a), 3 * zone_place(b)).noalias() +=
             matrix.stiffness() * (Q[a].transpose() * barrier_block(c, i, j) * Q[b]);
       }

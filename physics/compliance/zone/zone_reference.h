@@ -8,10 +8,12 @@
 // elements lump on their nodes, and a Schur complement keeps that order, so S_out ≥ M_out,zz ≥ 0; and
 // A_in(now) ≥ M_in(now); so S ≥ M(now), which is positive wherever a live element is left. Elements with a
 // node outside the zone must stay as they were in the reference factor: refreshed in A_zz alone, A_out would
-// no longer be a sum of elements, and its Schur complement may have any sign. The halo, nodes next to the
+// no longer be a sum of elements, and its Schur complement may have any sign. A cut keeps all of that
+// (`append`, `reshape`; the proof is in the source). The halo, nodes next to the
 // zone, is eliminated just before it, in one front with it: a patch node there costs a half solve of that
-// front alone. Shapes: S_out 3·zone square, lower triangle; node k of the zone's last places first. Units:
-// N/m. Source: DESIGN's method `zone`; departure from the paper: no low-rank term inside the zone.
+// front alone. Shapes: S_out 3·corner square, lower triangle; the corner is the zone, node k of it last
+// places first, and behind it the appended nodes. Units: N/m. Source: DESIGN's method `zone`; departure from
+// the paper: no low-rank term inside the zone.
 #pragma once
 
 #include <memory>
@@ -19,75 +21,84 @@
 #include <vector>
 
 #include "physics/compliance/reference_compliance.h"
-#include "physics/compliance/factor/node_order.h"
-#include "physics/compliance/system_matrix.h"
+#include "physics/compliance/zone/far_field_updates.h"
 #include "physics/compliance/zone/leading_columns.h"
+#include "physics/compliance/zone/zone_mesh.h"
 
 namespace hapticd {
 
-// What every reference factor of one body shares; never changes.
-struct ZoneStructure {
-  ZoneStructure(const TissueModel& model, double step);
-  double h;
-  NodeGraph graph;
-  std::vector<int> fill_order;
-  SystemMatrix matrix;  // not assembled: copied
-};
-
 class ZoneReference final : public ReferenceFactor {
  public:
-  // Copies what it needs of the state. `zone_and_halo`: the first `zone` of them are the zone. `retired`: an
-  // old reference factor, whose memory is used again.
-  ZoneReference(std::shared_ptr<const ZoneStructure> structure, std::vector<int> zone_and_halo, int zone,
-                const TissueState& state, bool quantised_copy,
-                std::unique_ptr<ZoneReference> retired = nullptr);
+  // Copies what it needs of the state. `zone_and_halo`: the first `zone` of them are the zone. `room`: nodes
+  // that can be appended without allocation. `retired`: an old reference factor, whose memory is used again.
+  ZoneReference(ZoneMesh mesh, std::vector<int> zone_and_halo, int zone, int room, const TissueState& state,
+                bool quantised_copy, std::unique_ptr<ZoneReference> retired = nullptr);
 
   void make() override;
 
   bool made() const noexcept { return made_; }
-  std::span<const int> zone() const noexcept {
-    return {zone_and_halo_.data(), static_cast<std::size_t>(zone_)};
-  }
-  int zone_size() const noexcept { return zone_; }
-  int place(int node) const noexcept { return place_[node]; }               // in the order
-  int zone_place(int node) const noexcept { return place_[node] - rest_; }  // < 0: not in the zone
-  // The zone's nodes and those of the panel before it, the halo's among them; by a node: its place tells.
+  const ZoneMesh& mesh() const noexcept { return mesh_; }  // with its structure
+  // Nodes of the corner: the zone, then what was appended.
+  const std::vector<int>& corner() const noexcept { return corner_; }
+  int appended() const noexcept { return static_cast<int>(corner_.size()) - zone_; }
+  // In the order; of a node that came into use later: behind it, in the corner.
+  int place(int node) const noexcept { return node < node_count_ ? place_[node] : node; }
+  int zone_place(int node) const noexcept { return place(node) - rest_; }  // < 0: not in the corner
+  // The corner's nodes and those of the panel before it, the halo's among them; by a node: its place tells.
   const std::vector<int>& near() const noexcept { return near_; }
-  bool is_near(int node) const noexcept { return 3 * place_[node] >= panels_.last_first(); }
+  bool is_near(int node) const noexcept { return 3 * place(node) >= panels_.last_first(); }
   const TissueState& state() const noexcept { return state_; }  // without x and v
   double identity_scale() const noexcept { return identity_scale_; }
 
-  // Elements wholly inside, and one flag for each element.
-  const std::vector<int>& inside() const noexcept { return inside_; }
+  // Whether it is wholly inside.
   bool is_inside(int tet) const noexcept { return is_inside_[tet] != 0; }
+
+  // Nodes that came into use since: behind the corner's end, not coupled to anything yet. Allocates beyond
+  // `room`.
+  void append(const TissueModel& model);
+  // This element has that form now: inside, it is so assembled from here on. What changes outside has to be
+  // carried by the caller.
+  void reshape(int tet, const SystemMatrix::Element& form);
+  bool lies_inside(const SystemMatrix::Element& element) const noexcept;
+  // Per tetrahedron: as reference factor, corner and what is carried over have it. no_tet: unknown to them.
+  std::span<const SystemMatrix::Element> elements() const noexcept { return elements_; }
+  const SystemMatrix& law() const noexcept { return mesh_.structure->matrix; }  // moduli and mass alone
+  std::span<const std::uint8_t> fixed() const noexcept { return fixed_; }
+  int node_count() const noexcept { return node_count_; }  // without the appended
 
   // Changed by what is carried over: see far_field_updates.h.
   LeadingColumns& panels() noexcept { return panels_; }
   const LeadingColumns& panels() const noexcept { return panels_; }
-  MatX& outer_corner() noexcept { return S_out_; }
+  FarFieldUpdates::Corner outer_corner() noexcept {
+    const auto size = static_cast<Eigen::Index>(3 * corner_.size());
+    return S_out_.topLeftCorner(size, size);
+  }
 
   // Adds Qᵀ A_in Q of the live inside elements to the lower triangle of S.
   void add_inside(const TissueState& now, std::span<const Mat3> Q,
                   Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept;
 
  private:
-  void find_inside();
-
-  std::shared_ptr<const ZoneStructure> structure_;
+  ZoneMesh mesh_;
   std::vector<int> zone_and_halo_;
   int zone_;
+  int room_;
   TissueState state_;
   bool quantised_copy_;
   std::unique_ptr<ZoneReference> retired_;
   bool made_ = false;
-  int rest_ = 0;  // nodes before the zone
+  int node_count_ = 0;  // of the order
+  int rest_ = 0;        // nodes before the zone
   std::vector<int> place_;
+  std::vector<int> corner_;
+  std::vector<SystemMatrix::Element> elements_;
+  std::vector<std::uint8_t> fixed_;
   std::vector<int> near_;
   std::vector<int> inside_;
   std::vector<std::uint8_t> is_inside_;
   LeadingColumns panels_;
   PageMemory workspace_;  // of the factor, for the next reference factor's
-  MatX S_out_;
+  MatX S_out_;            // with room; zero beyond the corner
   double identity_scale_ = 1;
 };
 

@@ -21,7 +21,8 @@ inline TissueModel box(int cells, double mass_factor = 1, bool held = true) {
   TetMesh mesh = box_mesh(size, cells, cells, cells);
   jitter_interior(mesh, size, 0.2 * size.z() / cells, 11);
   const std::vector<int> bottom = held ? mesh.group("bottom")->nodes : std::vector<int>();
-  return make_tissue_model(std::move(mesh), {3000, 0.45, 1000 * mass_factor, 2.0, 3e-3}, bottom, Vec3::Zero());
+  return make_tissue_model(std::move(mesh), {3000, 0.45, 1000 * mass_factor, 2.0, 3e-3}, bottom,
+                           Vec3::Zero());
 }
 
 inline TissueState deformed(const TissueModel& model, unsigned seed, double amplitude = 4e-4) {
@@ -37,7 +38,8 @@ inline bool in_system(const TissueModel& model, const TissueState& state, int no
   return !model.fixed[node] && state.live_tets_of_node[node] > 0;
 }
 
-// C B, with zero rows and columns of nodes outside the system. Scalar: long double where A is nearly singular.
+// C B, with zero rows and columns of nodes outside the system. Scalar: long double where A is nearly
+// singular.
 template <typename Scalar = double>
 MatX solve(const TissueModel& model, const TissueState& state, MatX B) {
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
@@ -59,7 +61,7 @@ MatX inverse(const TissueModel& model, const TissueState& state) {
 // The free nodes nearest to a point, nearest first.
 inline std::vector<int> nearest(const TissueModel& model, const Vec3& point, int count) {
   std::vector<int> nodes;
-  for (int n = 0; n < model.node_count(); ++n)
+  for (int n = 0; n < model.nodes_in_use; ++n)
     if (!model.fixed[n]) nodes.push_back(n);
   std::sort(nodes.begin(), nodes.end(), [&](int a, int b) {
     return (model.mesh.nodes[a] - point).norm() < (model.mesh.nodes[b] - point).norm();
