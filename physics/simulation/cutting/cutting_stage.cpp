@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "physics/contact/cutting.h"
+#include "physics/contact/cutting/edge_rows.h"
 #include "physics/cutting/opening.h"
 #include "physics/cutting/tearing.h"
 
