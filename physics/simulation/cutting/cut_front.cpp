@@ -46,16 +46,17 @@ void CutFronts::find(const Bodies& bodies, const Blade& blade, const Pose& X, do
   }
 }
 
-void CutFronts::advance(const Bodies& bodies, int k, const Vec3& d, double by) {
+double CutFronts::advance(const Bodies& bodies, int k, const Vec3& d, double by) {
   CutFront& front = front_[k];
-  if (front.body < 0 || !front.point.any() || !(by > 0)) return;
+  if (front.body < 0 || !front.point.any() || !(by > 0)) return 0;
   const Body& body = bodies[front.body];
   const Mat3 F = deformation_at(body.model, body.state.x, front.point);
   // A tetrahedron that is flat or inside out says nothing of where d leads in the rest shape.
-  if (!(F.determinant() > 0.05)) return;
+  if (!(F.determinant() > 0.05)) return 0;
   front.in_tissue = true;
   front.advance += by;
-  walk(body.model, body.state, front.point, F.inverse() * (by * d));
+  const Vec3 way = F.inverse() * (by * d);
+  return walk(body.model, body.state, front.point, way) * way.norm();
 }
 
 void CutFronts::follow(const Bodies& bodies, int b) {

@@ -36,8 +36,8 @@ class CutFronts {
   // looked for [m].
   void find(const Bodies& bodies, const Blade& blade, const Pose& X, double reach);
 
-  // Front k moves by `by` along d, in world axes [m].
-  void advance(const Bodies& bodies, int k, const Vec3& d, double by);
+  // Front k moves by `by` along d, in world axes [m]. Returns how far it went in the rest shape.
+  double advance(const Bodies& bodies, int k, const Vec3& d, double by);
 
   // After a cut or a removal of this body.
   void follow(const Bodies& bodies, int body);

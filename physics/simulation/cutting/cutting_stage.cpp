@@ -86,7 +86,6 @@ void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
       CutFront& f = front[k];
       const Vec3 way = f.point.rest - f.cut_to;
       advanced = advanced || !way.isZero(0);
-      area_ += blade.sample[k].width * way.norm();
       const double before = f.begun ? 0 : overlap * blade.sample[k].width;  // a cut begins before the surface
       from.push_back(f.cut_to - before * way.stableNormalized());
       to.push_back(f.point.rest);
@@ -179,7 +178,8 @@ void CuttingStage::advance(const Bodies& bodies, Instruments instruments, const 
     if (!X.present[i]) continue;
     const int k = static_cast<int>(edge.id % max_edge_samples);
     const Vec3 d = X[i].q * instruments[i].blade.direction;
-    fronts_[i].advance(bodies, k, d, advance_to_realise(problem, memory, e));
+    const double way = fronts_[i].advance(bodies, k, d, advance_to_realise(problem, memory, e));
+    area_ += instruments[i].blade.sample[k].width * way;
   }
 }
 
