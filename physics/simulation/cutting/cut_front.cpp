@@ -8,7 +8,7 @@ namespace hapticd {
 void CutFronts::give_up(CutFront& front) {
   if (front.in_tissue) ++front.number;
   front.body = -1;
-  front.in_tissue = front.begun = false;
+  front.in_tissue = front.begun = front.left = false;
   front.advance = 0;
 }
 
@@ -28,7 +28,7 @@ void CutFronts::find(const Bodies& bodies, const Blade& blade, const Pose& X, do
       const Vec3 ahead = front.point.any() ? Vec3(place_of(body.model, body.state.x, front.point) - edge)
                                            : Vec3(Vec3::Zero());
       const double aside = (ahead - d.dot(ahead) * d).norm();
-      if (front.point.any() && aside < 2 * blade.sample[k].width) continue;
+      if (front.point.any() && !front.left && aside < 2 * blade.sample[k].width) continue;
       give_up(front);
     }
     front.body = -1;
@@ -56,7 +56,9 @@ double CutFronts::advance(const Bodies& bodies, int k, const Vec3& d, double by)
   front.in_tissue = true;
   front.advance += by;
   const Vec3 way = F.inverse() * (by * d);
-  return walk(body.model, body.state, front.point, way) * way.norm();
+  const double part = walk(body.model, body.state, front.point, way);
+  front.left = part < 1;
+  return part * way.norm();
 }
 
 void CutFronts::follow(const Bodies& bodies, int b) {

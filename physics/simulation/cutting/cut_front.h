@@ -22,6 +22,7 @@ struct CutFront {
   MaterialPoint point;       // of that body
   bool in_tissue = false;    // it has advanced …
   bool begun = false;        // … and the mesh was cut for it
+  bool left = false;         // it came out of the tissue again
   double advance = 0;        // since the cut began [m]
   Vec3 cut_to;               // the mesh is cut up to here
   std::uint32_t number = 0;  // a new one for each cut: forces and advances of the last are not its own

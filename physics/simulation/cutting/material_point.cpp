@@ -10,6 +10,7 @@ namespace {
 
 constexpr int most_crossings = 4096;
 constexpr double rounding = 1e-12;  // of a weight
+constexpr double grazing = 0.3;     // part of a way that may point out of a face along which it then slides
 
 std::array<double, 4> weights_at(const TissueModel& model, int tet, const Vec3& rest) noexcept {
   const Vec3 from = rest - model.mesh.nodes[model.mesh.tets[tet][0]];
@@ -50,35 +51,36 @@ Mat3 deformation_at(const TissueModel& model, const std::vector<Vec3>& x,
 
 double walk(const TissueModel& model, const TissueState& state, MaterialPoint& point,
             const Vec3& way) noexcept {
-  const Vec3 start = point.rest;
-  double gone = 0;
+  Vec3 left = way;  // to go
   int came_through = -1;
   for (int crossing = 0; crossing < most_crossings; ++crossing) {
-    double leaves = 1;
+    double part = 1;
     int face = -1;
     for (int a = 0; a < 4; ++a) {
-      const double falls = -model.gradients[point.tet].col(a).dot(way);
+      const double falls = -model.gradients[point.tet].col(a).dot(left);
       if (falls <= 0 || 4 * point.tet + a == came_through) continue;
-      const double at = gone + std::max(point.weight[a], 0.0) / falls;
-      if (at < leaves) {
-        leaves = at;
+      const double at = std::max(point.weight[a], 0.0) / falls;
+      if (at < part) {
+        part = at;
         face = 4 * point.tet + a;
       }
     }
-    gone = leaves;
-    if (face < 0) {
-      point = point_in(model, point.tet, start + way);
-      return 1;
-    }
-    point = point_in(model, point.tet, start + gone * way);
+    point = point_in(model, point.tet, point.rest + part * left);
+    left *= 1 - part;
+    if (face < 0) return 1;
     came_through = live_neighbour(model, state, face);
-    if (came_through < 0) {
-      pull_inside(model, point);
-      return gone;
+    if (came_through >= 0) {
+      point = point_in(model, came_through / 4, point.rest);
+      continue;
     }
-    point = point_in(model, came_through / 4, point.rest);
+    pull_inside(model, point);
+    const Vec3 inward = model.gradients[point.tet].col(face % 4).normalized();
+    const double out = -inward.dot(left);
+    if (out > grazing * left.norm()) break;
+    left += out * inward;  // along the face
+    came_through = face;
   }
-  return gone;
+  return way.isZero(0) ? 1 : std::max(0.0, 1 - left.norm() / way.norm());
 }
 
 void follow_cut(const TissueModel& model, const TissueState& state, MaterialPoint& point) noexcept {

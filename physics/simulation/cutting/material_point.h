@@ -2,8 +2,8 @@
 //
 //   x(X) = Σ_a N_a(X) x_a,   N_a(X + s d) = N_a(X) + s g_a·d
 //
-// A walk goes from tetrahedron to tetrahedron through the faces they share; it ends at a face that has no
-// other side. Units: m; weights sum to 1. Shapes: one weight for each corner of the tetrahedron. Errors: a
+// A walk goes from tetrahedron to tetrahedron through the faces they share. Where a face has no other side, it
+// slides along it if it grazes it, and else ends there. Units: m; weights sum to 1. Shapes: one weight for each corner of the tetrahedron. Errors: a
 // point whose tetrahedron went has `tet` −1. Guarantee: no allocation; bounded by `most_crossings` faces.
 #pragma once
 
@@ -31,8 +31,8 @@ Vec3 place_of(const TissueModel& model, const std::vector<Vec3>& x, const Materi
 Mat3 deformation_at(const TissueModel& model, const std::vector<Vec3>& x,
                     const MaterialPoint& point) noexcept;
 
-// Moves the point by `way` in the rest shape. Returns the part of it that it went: below 1 it has come to a
-// face without another side, and is there.
+// Moves the point by `way` in the rest shape. Returns the part of it that it went: below 1 it would have left
+// the tissue, and is where it would have.
 double walk(const TissueModel& model, const TissueState& state, MaterialPoint& point,
             const Vec3& way) noexcept;
 
