@@ -2,16 +2,16 @@
 //
 //   edges that the surface crosses are split where it does; their new nodes are *on* the surface. An end is
 //   put on it instead where the crossing is within a quarter of the edge from it, where the edge is shorter
-//   than `least_edge`, or where a half would be below the quality bound. Nodes never move: the surface
-//   does. Then every element has nodes on one side of the surface only, besides those on it, and a face that
-//   has all nodes on it, between elements of different sides, opens.
+//   than `least_edge`, or where a half would be below the quality bound. Nodes never move: the surface does.
+//   Then no element has nodes on both sides of the surface, and a face that has all nodes on it, between
+//   elements of different sides, opens.
 //
-// Splitting edges keeps the mesh conforming in all cases, and each split leaves one edge less to look at. The
-// nodes on the surface are remembered: a cut ends anywhere in an element, and the next strip goes on from
-// there. Elements with all nodes on the surface go with a neighbour on its positive side, or with the
-// negative one. Units: m, rest shape. Cost: what is near the strip. Guarantee: no allocation after
-// construction; tests of chance find no invalid mesh. Errors: CutStatus; with `no_room` the mesh is valid and
-// nothing opened.
+// Splitting edges keeps the mesh conforming in all cases, and each split leaves one edge less to look at.
+// The nodes on the surface are remembered: a cut ends anywhere in an element, and the next strip goes on
+// from there. Elements with all nodes on the surface go with a neighbour on its positive side, or else with
+// the negative one.
+// Units: m, rest shape. Cost: what is near the strip. Guarantee: no allocation after construction. Errors:
+// CutStatus; with `no_room` nothing opened, and `change` has the edges that were split until then.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,7 @@
 // What a cut of the mesh costs, and that it costs no more after thousands:
 //   test_physics --gtest_also_run_disabled_tests --gtest_filter='CutBench.*'
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 
@@ -106,14 +107,19 @@ void split_many(CutBody& body, int elements, Times& times) {
 // 4 860 elements, as the paper's lens has.
 TEST(CutBench, DISABLED_OpeningsThenSubdivisions) {
   Times openings, splits;
+  double volume_error = 0;
   for (int run = 0; run < 10; ++run) {
     CutBody body{box_mesh({1, 1, 1}, 9, 9, 10, 6), {12000, 12000}};
     open_many(body, 2000, openings);
+    const double volume = body.volume();
     split_many(body, 2000, splits);
+    volume_error = std::max(volume_error, std::abs(body.volume() / volume - 1));
     EXPECT_EQ(body.check(), "");
   }
   openings.print("openings");
   splits.print("splits");
+  std::printf("volume kept to %.1e\n", volume_error);
+  EXPECT_LT(volume_error, 1e-9);
   for (const Times* times : {&openings, &splits}) {
     EXPECT_LT(times->p99(), 1000);
     EXPECT_LT(times->flatness(), 1.1);
