@@ -73,7 +73,12 @@ void Service::run() {
 void Service::look(std::int64_t now_ns) {
   const bool figures = log_level_now() == LogLevel::debug && now_ns - figures_ns_ >= figures_every_ns;
   if (figures) figures_ns_ = now_ns;
-  for (const auto& session : daemon_.sessions())
+  for (const auto& session : daemon_.sessions()) {
+    if (!said_out_of_room_ && session->simulation_statistics().out_of_room.load(relaxed)) {
+      said_out_of_room_ = true;
+      log(LogLevel::warning, "out_of_room",
+          "nothing is cut any more: a body has used up its max_new_nodes (say more in the scene)");
+    }
     for (int i = 0; i < session->devices(); ++i) {
       const LoopCounters counters = counters_of(*session, i);
       for (const Incident& of : incidents_.look(now_ns, counters))
@@ -89,6 +94,7 @@ void Service::look(std::int64_t now_ns) {
            {"answered", h.answered.load(relaxed)},
            {"steps", session->simulation_statistics().steps.load(relaxed)}});
     }
+  }
 }
 
 void Service::reload() {

@@ -48,6 +48,7 @@ class Service {
   Incidents incidents_;
   WatchdogPings pings_;
   std::int64_t figures_ns_ = 0;
+  bool said_out_of_room_ = false;
 };
 
 // "ready, domain 7, secured"

@@ -135,6 +135,8 @@ void SimulationLoop::count(const StepReport& report) {
   s.steps.fetch_add(1, std::memory_order_relaxed);
   s.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
   s.late_removals.fetch_add(report.removed > 0 && !report.interim, std::memory_order_relaxed);
+  s.cut_steps.fetch_add(report.split, std::memory_order_relaxed);
+  if (report.out_of_room) s.out_of_room.store(true, std::memory_order_relaxed);
   s.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated), std::memory_order_relaxed);
   s.references.fetch_add(static_cast<std::uint64_t>(report.references_adopted), std::memory_order_relaxed);
   s.synchronous_references.fetch_add(static_cast<std::uint64_t>(report.synchronous_references),

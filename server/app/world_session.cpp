@@ -190,6 +190,8 @@ nlohmann::json WorldSession::summary(int i) const {
   }
   j["removals_without_interim"] = s.late_removals.load();
   j["elements_removed"] = s.removed.load();
+  j["cut_steps"] = s.cut_steps.load();
+  j["out_of_room"] = s.out_of_room.load();
   j["fragments_aspirated"] = s.aspirated.load();
   if (s.references + s.references_failed > 0) {
     j["references_adopted"] = s.references.load();

@@ -6,9 +6,10 @@ namespace hapticd {
 namespace {
 
 void flatten(std::span<const Vec3> nodes, std::vector<float>& out) {
-  out.resize(3 * nodes.size());
-  for (std::size_t n = 0; n < nodes.size(); ++n)
-    Eigen::Map<Eigen::Vector3f>(&out[3 * n]) = nodes[n].cast<float>();
+  out.clear();
+  out.reserve(3 * nodes.size());
+  for (const Vec3& x : nodes)
+    for (int i = 0; i < 3; ++i) out.push_back(static_cast<float>(x[i]));
 }
 
 }  // namespace

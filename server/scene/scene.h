@@ -14,6 +14,7 @@
 #include "physics/compliance/compliance.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
+#include "physics/cutting/tearing.h"
 #include "physics/simulation/body_contact/contact_candidates.h"
 #include "physics/simulation/step/removal.h"
 #include "physics/tissue/material.h"
@@ -33,6 +34,8 @@ struct SceneBody {
   double friction = 0;           // μ against the instrument
   bool removable = false;        // the tip may destroy it
   double toughness = 0;          // J [J/m²]: a blade's edge cuts it; 0: none does
+  int max_new_nodes = 0;         // that cuts may add
+  TearSettings tearing = {};     // off unless its toughness is positive
   bool corotational = true;      // deformable only; false: linear
   bool dynamic = true;           // deformable only; false: neither inertia nor damping
   bool simulated = true;         // deformable only; false: stands where it is, an obstacle

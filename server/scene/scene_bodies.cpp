@@ -18,6 +18,8 @@ constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; t
 constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
 constexpr NumberRange rayleigh_stiffness{0, 10, false, false, "beta of B = alpha M + beta K, in seconds"};
 constexpr NumberRange toughness{0, 1e6, true, false, "joules per square metre; soft tissue has 10 to 2000"};
+constexpr NumberRange new_nodes{1, 100000, false, false, "nodes that cuts may add"};
+constexpr NumberRange faces_per_step{1, 1000, false, false, "faces that may tear in one step"};
 constexpr NumberRange friction{0, 10, false, false, "Coulomb's coefficient; 0: frictionless"};
 constexpr NumberRange length{0, 10, true, false, "metres"};
 
@@ -145,9 +147,21 @@ void read_body_pins(const YamlMap& yaml, SceneBody& body) {
                                "its mass");
 }
 
+// What can be cut needs room for what cuts add; what tears, how far around a front to look.
+void read_toughness(const YamlMap& yaml, SceneBody& body) {
+  body.toughness = yaml.number("toughness", toughness);
+  body.max_new_nodes = static_cast<int>(yaml.number("max_new_nodes", new_nodes));
+  if (!yaml.has("tearing")) return;
+  const YamlMap tearing = yaml.map("tearing");
+  tearing.only({"radius", "faces_per_step"});
+  body.tearing.toughness = body.toughness;
+  body.tearing.radius = tearing.number("radius", length);
+  body.tearing.most = static_cast<int>(tearing.number("faces_per_step", faces_per_step, body.tearing.most));
+}
+
 SceneBody read_body(const YamlMap& yaml) {
   yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
-             "toughness", "elements", "motion", "simulated"});
+             "toughness", "max_new_nodes", "tearing", "elements", "motion", "simulated"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
@@ -155,12 +169,16 @@ SceneBody read_body(const YamlMap& yaml) {
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
     for (const char* key :
-         {"material", "fixed", "floating", "removable", "toughness", "elements", "motion", "simulated"})
+         {"material", "fixed", "floating", "removable", "toughness", "max_new_nodes", "tearing", "elements",
+          "motion", "simulated"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
     body.removable = yaml.flag("removable", false);
-    if (yaml.has("toughness")) body.toughness = yaml.number("toughness", toughness);
+    for (const char* key : {"max_new_nodes", "tearing"})
+      if (yaml.has(key) && !yaml.has("toughness"))
+        throw yaml.error(key, "needs a toughness, in J/m²: without one nothing cuts or tears this body");
+    if (yaml.has("toughness")) read_toughness(yaml, body);
   }
   body.mesh = read_body_mesh(yaml, body.mesh_file);
   if (body.kind == BodyKind::rigid) return body;

@@ -53,7 +53,9 @@ void describe_body(std::string& out, const SceneBody& body) {
       line(out, "           %zu fixed nodes", body.fixed_nodes.size());
   }
   if (body.friction > 0) line(out, "           friction %.3g", body.friction);
-  if (body.toughness > 0) line(out, "           toughness %.4g J/m2", body.toughness);
+  if (body.toughness > 0)
+    line(out, "           toughness %.4g J/m2, room for %d new nodes%s", body.toughness, body.max_new_nodes,
+         body.tearing.toughness > 0 ? ", tears" : "");
 }
 
 void describe_primitive(std::string& out, const Primitive& p, bool tip) {

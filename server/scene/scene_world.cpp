@@ -46,11 +46,15 @@ WorldSettings world_settings(const Scene& scene) {
   return settings;
 }
 
+// A split edge adds a node and as many tetrahedra as it has around it, about five.
+constexpr int tets_per_new_node = 6;
+
 std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& settings) {
   std::vector<BodySettings> bodies;
   for (const SceneBody& b : scene.bodies)
     bodies.push_back({b.name, deforms(b), b.mesh, b.material, b.fixed_nodes, scene.friction ? b.friction : 0,
-                      b.removable && deforms(b), b.corotational, b.dynamic});
+                      b.removable && deforms(b), b.corotational, b.dynamic,
+                      {b.max_new_nodes, tets_per_new_node * b.max_new_nodes}, b.toughness, b.tearing});
   return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
 }
 

@@ -187,7 +187,7 @@ TEST_F(SceneInstruments, ABladeIsAnEdgeOnTissueThatHasAToughness) {
   const std::string blade =
       "    blade:\n      edge: [[-0.1, 0, 0], [0.1, 0, 0]]\n      direction: [0, 0, -2]\n      samples: 4\n";
   const std::string with_blade =
-      with(with(two_hands, "    removable: true\n", "    removable: true\n    toughness: 120\n"),
+      with(with(two_hands, "    removable: true\n", "    removable: true\n    toughness: 120\n    max_new_nodes: 500\n"),
            "    device: falcon\n", blade + "    device: falcon\n");
   const Scene scene = read(with_blade);
   EXPECT_EQ(scene.bodies[0].toughness, 120);
@@ -208,8 +208,10 @@ TEST_F(SceneInstruments, ABladeIsAnEdgeOnTissueThatHasAToughness) {
     expect_fault_in(with_blade, old, replacement, key, words,
                     1 + static_cast<int>(std::count(text.begin(), end, '\n')));
   };
+  expect("    max_new_nodes: 500\n", "", "toughness: 120", "bodies[0].max_new_nodes", "missing");
+  expect("    toughness: 120\n", "", "max_new_nodes", "bodies[0].max_new_nodes", "needs a toughness");
   expect("toughness: 120", "toughness: 0", "toughness", "bodies[0].toughness", "above 0");
-  expect("    toughness: 120\n", "", "blade:", "instruments[1].blade", "no body can be cut");
+  expect("    toughness: 120\n    max_new_nodes: 500\n", "", "blade:", "instruments[1].blade", "no body can be cut");
   expect("samples: 4", "samples: 33", "samples", "instruments[1].blade.samples", "32");
   expect("direction: [0, 0, -2]", "direction: [0, 0, 0]", "direction", "instruments[1].blade.direction",
          "is zero");
