@@ -161,7 +161,7 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
   select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, margin, reached,
          max_contacts - pairs.count() - count_edges(problem, X_lin), rows);
-  add_edges(problem, X_lin, x_lin, memory, rows);
+  add_edges(problem, X_free, X_lin, x_lin, memory, rows);
   add_pairs(problem, pairs, X_lin, K_inv_diag, rows);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i) {
@@ -174,7 +174,6 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
     if (row.edge >= 0) {
-      row.delta_free[0] += coupled(row, shift)[0];
       set_q(rows, i, row.delta_free);
       continue;
     }

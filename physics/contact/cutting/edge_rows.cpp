@@ -20,8 +20,8 @@ int count_edges(const CondensedProblem& problem, const InstrumentPoses& X_lin) n
                                         [&](const EdgeSample& e) { return X_lin.present[e.instrument]; }));
 }
 
-void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_lin, const PatchPositions& x_lin,
-               const ContactMemory& memory, ContactRows& rows) noexcept {
+void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_free, const InstrumentPoses& X_lin,
+               const PatchPositions& x_lin, const ContactMemory& memory, ContactRows& rows) noexcept {
   const int before = rows.contacts;
   for (int k = 0; k < problem.edges; ++k) {
     const EdgeSample& e = problem.edge[k];
@@ -42,7 +42,9 @@ void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_lin, co
     row.anchor = row.other_anchor = Vec3::Zero();  // nothing slips on it
     row.advance = total_advance(e, memory.find(e.id, e.instrument));
     row.gap = normal.dot(front - X.to_world(e.place)) + row.advance - e.advance;
-    row.delta_free = {row.gap + normal.dot(free - front), 0, 0};
+    const Vec6 shift = difference(X_free[e.instrument], X);
+    const Vec3 blade = shift.head<3>() + shift.tail<3>().cross(row.arm);
+    row.delta_free = {row.gap + normal.dot(free - front - blade), 0, 0};
   }
   rows.edges = rows.contacts - before;
 }

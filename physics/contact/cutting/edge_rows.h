@@ -18,10 +18,9 @@ Vec3 front_position(const CondensedProblem& problem, const PatchPositions& x, in
 // The total that a front's row counts from [m]; known: null where nothing is remembered.
 double total_advance(const EdgeSample& edge, const ContactMemory::Entry* known) noexcept;
 
-// Behind the rows there are, by id: one of each edge sample of an instrument that is present. Of δ_free the part
-// J (X_free ⊖ X_lin) is left to the caller.
-void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_lin, const PatchPositions& x_lin,
-               const ContactMemory& memory, ContactRows& rows) noexcept;
+// Behind the rows there are, by id: one of each edge sample of an instrument that is present.
+void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_free, const InstrumentPoses& X_lin,
+               const PatchPositions& x_lin, const ContactMemory& memory, ContactRows& rows) noexcept;
 
 // How many there will be.
 int count_edges(const CondensedProblem& problem, const InstrumentPoses& X_lin) noexcept;
