@@ -5,8 +5,9 @@
 #include <ctime>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdio>
-#include <deque>
 
 #include "tests/physics/compliance/cut_by_hand.h"
 #include "tools/chart/chart.h"
@@ -61,14 +62,17 @@ class Drive {
     for (int i = 0; i < 3; ++i) compliance_->update(state_);
   }
 
-  void told(const Vec3& tip, const std::vector<int>& tets) {
+  // `adopted`, `used`: where the tip will be when a reference factor wanted now comes into use, and in its
+  // midst.
+  void told(const Vec3& tip, const Vec3& adopted, const Vec3& used, const std::vector<int>& tets) {
     const std::vector<int> patch = near(tip, 60);
     timed(reshape, [&] { compliance_->reshape(state_, tets); });
     if (!references_) compliance_->move_zone(near(tip, zone_nodes));
     timed(update, [&] { compliance_->update(state_); });
+    timed(again, [&] { compliance_->update(state_); });
     MatX block(3 * patch.size(), 3 * patch.size());
     timed(condense, [&] { compliance_->patch(patch, block); });
-    if (references_) follow(tip, patch);
+    if (references_) follow(adopted, used);
   }
 
   double error(const Vec3& tip) {
@@ -82,17 +86,16 @@ class Drive {
 
   const TissueState& state() const { return state_; }
   TissueState& state() { return state_; }
-  std::vector<double> reshape, update, condense, snapshot, make, adopt;
+  static constexpr int zone_nodes = 160, late = 6;
+  std::vector<double> reshape, update, again, condense, snapshot, make, adopt;
   int largest_appended = 0;
 
  private:
-  static constexpr int zone_nodes = 160, late = 10;
-
   std::vector<int> near(const Vec3& tip, int count) const {
     return nearest_live_nodes(model_, state_, tip, count);
   }
 
-  void follow(const Vec3& tip, const std::vector<int>& patch) {
+  void follow(const Vec3& adopted, const Vec3& used) {
     const ComplianceReport said = compliance_->report();
     largest_appended = std::max(largest_appended, said.appended_since_reference);
     if (reference_) {
@@ -102,11 +105,10 @@ class Drive {
       compliance_->update(state_);
       return;
     }
-    if (!said.wants_reference && compliance_->zone_covers(near(tip, 90))) return;
-    compliance_->move_zone(near(tip, zone_nodes));
+    if (!said.wants_reference && compliance_->zone_covers(near(adopted, 60))) return;
+    compliance_->move_zone(near(used, zone_nodes));
     timed(snapshot, [&] { reference_ = references_->snapshot_reference(state_); });
     waited_ = 0;
-    static_cast<void>(patch);
   }
 
   TissueModel& model_;
@@ -117,27 +119,21 @@ class Drive {
   int waited_ = 0;
 };
 
-// Nodes near parallel planes across the lens, each plane from one side to the other: a blade's raster.
-std::vector<int> raster(const TissueModel& model, int planes, double shift) {
-  Vec3 low = model.mesh.nodes[0], high = low;
+// The free nodes by cells across the lens, plane by plane and up and down: a blade's tip on its way, from
+// each to one nearby.
+std::vector<int> way_through(const TissueModel& model, double cell) {
+  const Vec3 low = model.mesh.nodes[0] - Vec3(1, 1, 1);
+  std::vector<std::pair<std::array<double, 3>, int>> sorted;
   for (int n = 0; n < model.nodes_in_use; ++n) {
-    low = low.cwiseMin(model.mesh.nodes[n]);
-    high = high.cwiseMax(model.mesh.nodes[n]);
+    if (model.fixed[n]) continue;
+    const Vec3 x = model.mesh.nodes[n] - low;
+    const double plane = std::floor(x.y() / cell);
+    const double column = (std::fmod(plane, 2) == 0 ? 1 : -1) * std::floor(x.x() / cell);
+    sorted.push_back({{plane, column, (std::fmod(column, 2) == 0 ? 1 : -1) * x.z()}, n});
   }
-  std::vector<std::vector<int>> rows(planes);
-  for (int n = 0; n < model.nodes_in_use; ++n) {
-    const double y = (model.mesh.nodes[n].y() - low.y()) / (high.y() - low.y()) * planes + shift;
-    const int row = std::clamp(static_cast<int>(y), 0, planes - 1);
-    if (!model.fixed[n]) rows[row].push_back(n);
-  }
+  std::sort(sorted.begin(), sorted.end());
   std::vector<int> way;
-  for (int k = 0; k < planes; ++k) {
-    std::sort(rows[k].begin(), rows[k].end(), [&](int a, int b) {
-      const double xa = model.mesh.nodes[a].x(), xb = model.mesh.nodes[b].x();
-      return k % 2 == 0 ? xa < xb : xb < xa;
-    });
-    way.insert(way.end(), rows[k].begin(), rows[k].end());
-  }
+  for (const auto& [place, n] : sorted) way.push_back(n);
   return way;
 }
 
@@ -148,19 +144,21 @@ void drive(const char* lens, ComplianceMethod method, int count) {
   read.mesh.tets.resize(read.tets_in_use);
   TissueModel model =
       make_tissue_model(std::move(read.mesh), read.material, fixed, Vec3::Zero(), {2 * count, 6 * count});
-  const int planes = 14;
-  std::vector<int> way = raster(model, planes, 0);
+  std::vector<int> way = way_through(model, 7e-4);
   Drive drive(model, method);
   drive.start(model.mesh.nodes[way[0]]);
   std::printf("lens %s: %d nodes, %d tetrahedra, method %s\n", lens, model.nodes_in_use, model.tets_in_use,
               method == ComplianceMethod::zone ? "zone" : "exact");
+  const auto at = [&](std::size_t k) { return model.mesh.nodes[way[std::min(k, way.size() - 1)]]; };
   const auto report_all = [&] {
     report("  reshape", drive.reshape);
     report("  update", drive.update);
+    report("  update, nothing cut", drive.again);
     report("  patch of 60", drive.condense);
     report("  snapshot_reference", drive.snapshot);
     report("  adopt_reference", drive.adopt);
-    for (auto* list : {&drive.reshape, &drive.update, &drive.condense, &drive.snapshot, &drive.adopt})
+    for (auto* list :
+         {&drive.reshape, &drive.update, &drive.again, &drive.condense, &drive.snapshot, &drive.adopt})
       list->clear();
   };
   int opened = 0;
@@ -169,16 +167,16 @@ void drive(const char* lens, ComplianceMethod method, int count) {
     const std::vector<int> tets = by_hand::open_node(model, drive.state(), way[k], Vec3(0.05, 1, 0.02));
     if (tets.empty()) continue;
     tip = model.mesh.nodes[way[k]];
-    drive.told(tip, tets);
+    drive.told(tip, at(k + Drive::late), at(k + 3 * Drive::late / 2), tets);
     ++opened;
   }
   std::printf("%d openings, at most %d nodes appended, error of C_pp %.1e\n", opened, drive.largest_appended,
               drive.error(tip));
   report_all();
 
-  // Across the way: edges that cross planes x = const.
+  // The same way again: an edge at each node.
   int split = 0, edges = 0;
-  way = raster(model, planes, 0);
+  way = way_through(model, 7e-4);
   for (std::size_t k = 0; split < count && k < way.size(); ++k) {
     const std::vector<int> star = by_hand::around(model, drive.state(), way[k], way[k]);
     if (star.empty()) continue;
@@ -189,7 +187,7 @@ void drive(const char* lens, ComplianceMethod method, int count) {
     const std::vector<int> tets = by_hand::split_edge(model, drive.state(), way[k], other);
     if (tets.empty()) continue;
     tip = model.mesh.nodes[way[k]];
-    drive.told(tip, tets);
+    drive.told(tip, at(k + Drive::late), at(k + 3 * Drive::late / 2), tets);
     ++edges;
     split += static_cast<int>(tets.size()) / 2;
   }

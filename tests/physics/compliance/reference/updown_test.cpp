@@ -62,7 +62,7 @@ TEST(WarpRotation, IsTheRotationOfARigidTurn) {
   std::mt19937 random(4);
   for (Mat3& R : state.rotation) R = random_rotation(random);
   WarpRotation turn(model);
-  turn.set_reference(state.rotation);
+  turn.set_reference(state.rotation, model.tets_in_use);
   const Mat3 Q = Eigen::AngleAxisd(0.8, Vec3(3, -1, 2).normalized()).toRotationMatrix();
   for (Mat3& R : state.rotation) R = Q * R;
   for (int n = 0; n < model.node_count(); ++n) EXPECT_LT((turn(n, state) - Q).norm(), 1e-13);
