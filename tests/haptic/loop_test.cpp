@@ -1,5 +1,3 @@
-#include "haptic/loop.h"
-
 #include <pthread.h>
 
 #include <atomic>
@@ -11,12 +9,11 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/haptic/wall.h"
+#include "tests/haptic/loop_on_wall.h"
 
 namespace hapticd {
 namespace {
 
-constexpr std::int64_t ms = 1'000'000;
 
 // A client that answers every tick with a pose inside the wall, and once takes 20 ms to write.
 class FakePort final : public DevicePort {
@@ -33,11 +30,7 @@ class FakePort final : public DevicePort {
   }
   bool take(std::int64_t now_ns, DeviceSample& sample) noexcept override {
     begun.push_back(now_ns);
-    sample = {};
-    sample.sequence = begun.size();
-    sample.received_ns = now_ns;
-    sample.enable = true;
-    sample.pose.p.z() = wall::radius - 0.1e-3;
+    sample = LoopOnWall::pressing(begun.size(), now_ns);
     return true;
   }
   std::int64_t await(std::int64_t until_ns, const EachInstrument<std::int64_t>&) noexcept override {
@@ -55,24 +48,11 @@ class FakePort final : public DevicePort {
   }
 };
 
-struct Loop : testing::Test {
+struct Loop : testing::Test, LoopOnWall {
   Instrument instrument = wall::instrument();
-  DeviceSettings device;
-  HapticOptions options;
   FakePort port;
-  Channel<CondensedProblem> problems;
-  Channel<InstrumentInputs> inputs;
   SpscQueue<ForceRecord> history{1024};
 
-  Loop() {
-    device.max_force = 3;
-    device.max_force_rate = 1e4;
-    device.max_speed = 1;
-    options.watchdog.problem_old_ns = 10'000 * ms;  // one problem serves the whole test
-    options.watchdog.problem_lost_ns = 20'000 * ms;
-    wall::make(problems.back(), 1, monotonic_ns());
-    problems.publish();
-  }
   void run(HapticLoop& loop, int milliseconds) {
     loop.start();
     std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));

@@ -8,13 +8,11 @@
 
 #include <gtest/gtest.h>
 
-#include "haptic/loop.h"
-#include "tests/haptic/wall.h"
+#include "tests/haptic/loop_on_wall.h"
 
 namespace hapticd {
 namespace {
 
-constexpr std::int64_t ms = 1'000'000;
 
 // A device whose states a test sends, or which sends one for each tick.
 class TestPort final : public DevicePort {
@@ -31,11 +29,7 @@ class TestPort final : public DevicePort {
     if (newest == taken_) return false;
     new_ = taken_ == 0;
     taken_ = newest;
-    sample = {};
-    sample.sequence = newest;
-    sample.received_ns = now_ns;
-    sample.enable = true;
-    sample.pose.p.z() = wall::radius - 0.1e-3;
+    sample = LoopOnWall::pressing(newest, now_ns);
     return true;
   }
   std::int64_t await(std::int64_t until_ns, const EachInstrument<std::int64_t>& earliest) noexcept override {
@@ -72,29 +66,15 @@ class TestPort final : public DevicePort {
   bool new_ = false;
 };
 
-struct LoopOfTwo : testing::TestWithParam<int> {
+struct LoopOfTwo : testing::TestWithParam<int>, LoopOnWall {
   std::vector<Instrument> instruments{wall::instrument(), wall::instrument()};
-  DeviceSettings device;
-  HapticOptions options;
   std::vector<TestPort*> ports;
   TestPort both[2]{TestPort(ports), TestPort(ports)};
   const int a = GetParam(), b = 1 - a;  // the one that behaves, and the other
   TestPort &first = both[a], &second = both[b];
-  Channel<CondensedProblem> problems;
-  Channel<InstrumentInputs> inputs;
   SpscQueue<ForceRecord> history[2]{SpscQueue<ForceRecord>(1024), SpscQueue<ForceRecord>(1024)};
 
-  LoopOfTwo() {
-    ports = {&both[0], &both[1]};
-    device.max_force = 3;
-    device.max_force_rate = 1e4;
-    device.max_speed = 1;
-    options.watchdog.problem_old_ns = 10'000 * ms;  // one problem serves the whole test
-    options.watchdog.problem_lost_ns = 20'000 * ms;
-    wall::make(problems.back(), 1, monotonic_ns());
-    problems.back().instrument[1] = problems.back().instrument[0];
-    problems.publish();
-  }
+  LoopOfTwo() { ports = {&both[0], &both[1]}; }
   std::vector<LoopDevice> devices() { return {{device, both[0], history[0]}, {device, both[1], history[1]}}; }
   // So many ticks at least, on whatever machine.
   void run(HapticLoop& loop, std::size_t ticks) {

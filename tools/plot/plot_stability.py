@@ -188,7 +188,7 @@ def draw(data, folder):
             text += picture(path)
         sections.append(text)
     if data.get("random"):
-        keys = [k for k in data["random"][0] if k not in ("passivity_control", "status")]
+        keys = [k for k in data["random"][0] if k not in ("passivity_control", "status", "faults")]
         head = "".join(f"<th>controller {'on' if r['passivity_control'] else 'off'}</th>" for r in data["random"])
         body = "".join(f"<tr><td>{k}</td>" + "".join(f"<td>{r[k]:g}</td>" for r in data["random"]) + "</tr>" for k in keys)
         sections.append("<h2>random</h2><p>A hand strays through the cataract scene, cuts, and loses states.</p>"

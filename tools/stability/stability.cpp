@@ -12,9 +12,9 @@
 #include "haptic/device.h"
 #include "server/files/paths.h"
 #include "server/scene/scene_reader.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 #include "tools/stability/stability_stiffness.h"
-#include "tools/stability/two_hands/stability_two_hands.h"
+#include "tools/stability/stability_two_hands.h"
 
 namespace hapticd {
 
@@ -89,12 +89,12 @@ bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityCh
   random.seed = settings.random_seed;
   random.passivity_control = true;
   bool on = true;
-  chart.random.push_back(run_random(cataract, random, [&](double f) { return on = progress(0.9 * f); }));
+  chart.random.push_back(run_random(cataract, 1, random, [&](double f) { return on = progress(0.9 * f); }));
   if (!on) return false;
   random.passivity_control = false;  // a tenth of it, for comparison
   random.ticks /= 10;
   chart.random.push_back(
-      run_random(cataract, random, [&](double f) { return on = progress(0.9 + 0.1 * f); }));
+      run_random(cataract, 1, random, [&](double f) { return on = progress(0.9 + 0.1 * f); }));
   return on;
 }
 
@@ -119,7 +119,7 @@ bool strayed_together(const char*, StabilityBench&, const Settings& settings, St
   bool on = true;
   for (const int hands : {2, 1}) {
     const double from = hands == 2 ? 0 : 0.7;
-    chart.random_two.push_back(run_random_two(
+    chart.random_two.push_back(run_random(
         scene, hands, random, [&](double f) { return on = progress(from + (hands == 2 ? 0.7 : 0.3) * f); }));
     if (!on) return false;
   }

@@ -3,9 +3,9 @@
 // A mode (stability_mode.h) has a parameter, what is judged, the limit beyond which it counts as broken, a
 // naive method (this project's own left out, or what others do) and the daemon's default. A method breaks at
 // the first value at which what is judged is above the limit, or no number; modes of energy go on to the last
-// value, so that what holds beyond is known. Of mode `stiffness` and of the grasps the last sound value is kept
-// instead, for what is displayed beyond it cannot be said. Analytic bounds are for a sampled spring wall K on a
-// device of damping b, force held for T, delayed by t_d:
+// value, so that what holds beyond is known. Of mode `stiffness` and of the grasps the last sound value is
+// kept instead, for what is displayed beyond it cannot be said. Analytic bounds are for a sampled spring wall
+// K on a device of damping b, force held for T, delayed by t_d:
 //   K ≤ b / (T/2 + t_d)                (Colgate and Schenkel 1997, passivity, hand excluded)
 //   K ≤ 2 f_c / Δ                      (Abbott and Okamura 2005, quantum Δ, Coulomb friction f_c)
 // They are sufficient for any passive hand; the hand here damps too, so a loop may last beyond them.
@@ -18,34 +18,11 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "tools/stability/bench/largest_stiffness.h"
+#include "tools/stability/random_hands.h"
 #include "tools/stability/stability_carve.h"
-#include "tools/stability/stability_mode.h"
-#include "tools/stability/stability_random.h"
-#include "tools/stability/two_hands/random_two_hands.h"
 
 namespace hapticd {
-
-// One mode, tried.
-struct StabilityMode {
-  std::string mode;
-  StabilityPlan plan;
-  double naive_breaks_at = 0, default_breaks_at = 0;  // 0: never in the range
-  bool survives = false;   // sound beyond what is required, or broken into a safe state that is said
-  bool ends_safe = false;  // where it broke, it said so: a status bit, or words
-  std::uint32_t default_status = 0;  // bits at the value that broke it, or at the largest
-  std::string default_says;
-  struct Point {
-    double value = 0;
-    StabilityTrial naive, ours;
-    bool has_naive = false, has_ours = false;
-  };
-  std::vector<Point> points;
-};
-
-// The largest displayed stiffness [N/m] by swing and by energy, of one way to render.
-struct Largest {
-  double steady = 0, passive = 0;
-};
 
 // Displayed stiffness on one device, in one hand.
 struct StiffnessPoint {
@@ -72,7 +49,7 @@ struct StabilityChart {
   std::vector<RandomReport> random;
   std::vector<CarveReport> carve;
   std::vector<TwoHandsPoint> two_hands;
-  std::vector<TwoHandsReport> random_two;  // two hands, then the first of them alone
+  std::vector<RandomReport> random_two;  // two hands, then the first of them alone
 };
 
 struct StabilitySettings {

@@ -2,29 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <memory>
 #include <numbers>
 #include <optional>
 
 #include "tools/offline/renderer.h"
-#include "tools/stability/episodes.h"
-#include "tools/stability/lens_hand.h"
-#include "tools/stability/tissue_watch.h"
+#include "tools/stability/bench/episodes.h"
+#include "tools/stability/bench/lens_hand.h"
 
 namespace hapticd {
 
 namespace {
 
 constexpr double tick_s = 1e-3;
-constexpr double peak_speed = 12e-3;     // of the tip in the scene [m/s]
-constexpr double jerk_peak = 1.875;      // of a minimum-jerk way, over its mean speed
-constexpr double equator = 4.3e-3;       // how far out sweeps go [m]
-constexpr double clear = -0.5e-3;        // depth between strokes [m]
-constexpr double energy_allowed = 1e-6;  // gained or made, over the largest energy that a piece had
-constexpr int looked_at = 15;            // ticks after a step has begun: it has ended, and no other has begun
-constexpr double small_energy = 1e-15;   // round-off of a piece at rest [J]
+constexpr double peak_speed = 12e-3;  // of the tip in the scene [m/s]
+constexpr double jerk_peak = 1.875;   // of a minimum-jerk way, over its mean speed
+constexpr double equator = 4.3e-3;    // how far out sweeps go [m]
+constexpr double clear = -0.5e-3;     // depth between strokes [m]
 
 struct Waypoint {
   Vec3 place;
@@ -200,12 +195,6 @@ class Script {
   std::int64_t strokes_ = 0;
 };
 
-std::string said(const char* what, double value, double allowed, const char* unit) {
-  char text[160];
-  std::snprintf(text, sizeof text, "%s %.4g %s, allowed %.4g", what, value, unit, allowed);
-  return text;
-}
-
 class Episode {
  public:
   Episode(const Scene& scene, std::uint64_t seed, CarveReport& report)
@@ -214,10 +203,7 @@ class Episode {
         report_(report),
         script_(seed),
         daemon_(scene_, options(seed)),
-        watch_(scene_, daemon_.world().bodies(), peak_speed) {
-    report_.farthest_allowed = watch_.bounds().farthest;
-    report_.fastest_allowed = watch_.bounds().fastest;
-  }
+        watch_(scene_, daemon_.world().bodies(), peak_speed) {}
 
   // False: it ended with a fault.
   bool tick(std::int64_t i) {
@@ -258,26 +244,12 @@ class Episode {
     sample.pose = {device.frame.conjugate() * ((tip - device.origin) / device.position_scale),
                    (device.frame.conjugate() * through_incision(tip) * device.tool.conjugate()).normalized()};
     sample.buttons = script_.buttons();
-    // Who has been disarmed asks again, wherever the tip is by then.
-    sample.enable = i % 200 != 199 || (last_.status & (status_disarmed | status_latched)) == 0;
+    sample.enable = enables(i, last_);
     script_.advance();
     const ForceSample answer = daemon_.tick(&sample);
     ++report_.ticks;
     report_.in_contact += answer.active > 0;
-    report_.latched += (answer.status & status_latched) != 0;
-    report_.status |= answer.status;
-    if (!answer.force.allFinite() || !answer.torque.allFinite() || !std::isfinite(answer.energy))
-      return "the force is not finite";
-    report_.force_max = std::max(report_.force_max, answer.force.norm());
-    if (answer.force.norm() > device.max_force * (1 + 1e-9))
-      return said("force", answer.force.norm(), device.max_force, "N");
-    if (answer.torque.norm() > device.max_torque * (1 + 1e-9))
-      return said("torque", answer.torque.norm(), device.max_torque, "N·m");
-    // What is put to zero at once is a safe state (haptic/README.md).
-    constexpr std::uint32_t at_once = status_latched | status_disarmed;
-    const double step = (answer.force - last_.force).norm(), most = device.max_force_rate * tick_s;
-    if (((answer.status | last_.status) & at_once) == 0 && step > most * (1 + 1e-9))
-      return said("force changed by", step, most, "N in a tick");
+    if (const std::optional<std::string> fault = judge(device, answer, last_, report_)) return fault;
     last_ = answer;
     if (daemon_.world().steps() != steps_) ticks_of_step_ = 0;
     steps_ = daemon_.world().steps();
@@ -286,24 +258,12 @@ class Episode {
 
   std::optional<std::string> look() {
     const TissueExtremes seen = watch_.look(daemon_.world().bodies());
-    ++report_.steps;
-    if (!seen.finite) return "a node is not a number";
-    report_.farthest = std::max(report_.farthest, seen.farthest);
-    report_.fastest = std::max(report_.fastest, seen.fastest);
+    if (const std::optional<std::string> fault = judge(seen, watch_.bounds(), report_)) return fault;
     report_.made = std::max(report_.made, seen.made);
-    report_.gained = std::max(report_.gained, seen.gained);
-    report_.energy = std::max(report_.energy, seen.energy);
     report_.free_steps += seen.free > 0;
-    energy_ = std::max(energy_, seen.free_energy);
-    report_.free_energy = std::max(report_.free_energy, energy_);
-    const double made_allowed = energy_allowed * energy_ + small_energy;
+    report_.free_energy = std::max(report_.free_energy, seen.free_energy);
+    const double made_allowed = energy_allowed(report_.free_energy);
     report_.made_allowed = std::max(report_.made_allowed, made_allowed);
-    if (seen.farthest > watch_.bounds().farthest)
-      return said("a node is away by", seen.farthest, watch_.bounds().farthest, "m");
-    if (seen.fastest > watch_.bounds().fastest)
-      return said("a node is as fast as", seen.fastest, watch_.bounds().fastest, "m/s");
-    if (const double most = energy_allowed * report_.energy + small_energy; seen.gained > most)
-      return said("a piece gained, beyond the work done on it,", seen.gained, most, "J");
     if (seen.made > made_allowed) return said("a free piece made", seen.made, made_allowed, "J");
     return std::nullopt;
   }
@@ -317,28 +277,15 @@ class Episode {
   ForceSample last_;
   std::uint64_t steps_ = 0;
   int ticks_of_step_ = 0;
-  double energy_ = 0;  // of a free piece, largest so far [J]
 };
 
 void add(const CarveReport& part, CarveReport& sum) {
-  sum.ticks += part.ticks;
-  sum.steps += part.steps;
+  add(static_cast<const TrialTally&>(part), static_cast<TrialTally&>(sum));
   sum.strokes += part.strokes;
-  sum.in_contact += part.in_contact;
-  sum.latched += part.latched;
-  sum.removed += part.removed;
-  sum.force_max = std::max(sum.force_max, part.force_max);
-  sum.farthest = std::max(sum.farthest, part.farthest);
-  sum.farthest_allowed = std::max(sum.farthest_allowed, part.farthest_allowed);
-  sum.fastest = std::max(sum.fastest, part.fastest);
-  sum.fastest_allowed = std::max(sum.fastest_allowed, part.fastest_allowed);
   sum.free_steps += part.free_steps;
   sum.made = std::max(sum.made, part.made);
-  sum.gained = std::max(sum.gained, part.gained);
-  sum.energy = std::max(sum.energy, part.energy);
   sum.free_energy = std::max(sum.free_energy, part.free_energy);
   sum.made_allowed = std::max(sum.made_allowed, part.made_allowed);
-  sum.status |= part.status;
   sum.faults.insert(sum.faults.end(), part.faults.begin(), part.faults.end());
 }
 
@@ -357,7 +304,6 @@ CarveReport run_carve(const Scene& cataract, const CarveSettings& settings,
   for (const CarveReport& part :
        run_episodes<CarveReport>(settings.ticks, settings.episode, settings.seed, run, progress))
     add(part, report);
-  report.device_max = cataract.first().device.max_force;
   return report;
 }
 

@@ -3,14 +3,12 @@
 // A script leads the device where no hand could go: grooves deeper and deeper along and across the anterior
 // face down to the posterior one, plunges through the lens into the capsule, sweeps to the equator and along
 // the capsule, quarters eaten away, and rests in which what is left lies alone. 1 to 12 mm/s in the scene,
-// pedals up or down, the scene's rate of removal or three times that, reference factors one to four steps late, a fresh
-// scene every `episode` ticks. Every third seed first cuts round a core, at ten times the rate and without
-// suction, so that a free piece is left and pushed about. The daemon is that of renderer.h, with interim
-// problems and refreshes;
-// the device is the scene's with its own limits. Looked at:
-//   each tick   force and torque finite, within the device's maximum and slew
-//   each step   nothing has burst (tissue_watch.h); what throws is an end
-// An episode ends at its first fault, which is kept with its seed. Deterministic, on however many cores.
+// pedals up or down, the scene's rate of removal or three times that, reference factors one to four steps
+// late, a fresh scene every `episode` ticks. Every third seed first cuts round a core, at ten times the rate
+// and without suction, so that a free piece is left and pushed about. The daemon is that of renderer.h, with
+// interim problems and refreshes; the device is the scene's with its own limits. Looked at: trial_tally.h,
+// and after each step that no free piece has made energy; what throws is an end. An episode ends at its first
+// fault, which is kept with its seed. Deterministic, on however many cores.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +17,7 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "tools/stability/bench/trial_tally.h"
 
 namespace hapticd {
 
@@ -34,18 +33,11 @@ struct CarveFault {
   std::string what;
 };
 
-struct CarveReport {
-  std::int64_t ticks = 0, steps = 0, strokes = 0, in_contact = 0;
-  std::int64_t latched = 0;  // ticks
-  int removed = 0;
-  double force_max = 0, device_max = 0;       // [N]
-  double farthest = 0, farthest_allowed = 0;  // [m]
-  double fastest = 0, fastest_allowed = 0;    // [m/s]
-  double gained = 0, energy = 0;              // by a piece in a step beyond the work done on it; of the largest [J]
-  double made = 0, made_allowed = 0;          // by a free piece [J]
-  std::int64_t free_steps = 0;                // with a free piece
-  double free_energy = 0;                     // largest of one when it was let go; 0: there was none [J]
-  std::uint32_t status = 0;                   // every bit that was set
+struct CarveReport : TrialTally {
+  std::int64_t strokes = 0;
+  double made = 0, made_allowed = 0;  // by a free piece [J]
+  std::int64_t free_steps = 0;        // with a free piece
+  double free_energy = 0;             // largest of one when it was let go; 0: there was none [J]
   std::vector<CarveFault> faults;
 };
 

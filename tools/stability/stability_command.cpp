@@ -126,47 +126,51 @@ nlohmann::ordered_json to_json(const StiffnessPoint& p) {
   return j;
 }
 
-nlohmann::ordered_json to_json(const RandomReport& r) {
-  return {{"passivity_control", r.passivity_control},
-          {"ticks", r.ticks},
+nlohmann::ordered_json to_json(const TrialTally& r) {
+  return {{"ticks", r.ticks},
+          {"steps", r.steps},
           {"in_contact", r.in_contact},
-          {"not_finite", r.not_finite},
-          {"above_maximum", r.above_maximum},
           {"latched", r.latched},
           {"saturated", r.saturated},
           {"solver_caps", r.solver_caps},
           {"removed", r.removed},
           {"force_max_n", rounded(r.force_max, 5)},
           {"device_max_n", r.device_max},
-          {"energy_made_mj", rounded(1e3 * r.made, 5)},
-          {"energy_absorbed_mj", rounded(1e3 * r.absorbed, 5)},
-          {"controlled_force_max_n", rounded(r.controlled_force_max, 5)},
-          {"controlled_force_rms_n", rounded(r.controlled_force_rms, 6)},
-          {"controlled_work_mj", rounded(1e3 * r.controlled_work, 5)},
+          {"farthest_mm", rounded(1e3 * r.farthest, 4)},
+          {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
+          {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
+          {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
+          {"gained_j", r.gained},
+          {"energy_j", r.energy},
           {"status", r.status}};
 }
 
+nlohmann::ordered_json to_json(const RandomReport& r) {
+  nlohmann::ordered_json j = to_json(static_cast<const TrialTally&>(r));
+  j["hands"] = r.hands;
+  j["passivity_control"] = r.passivity_control;
+  j["both_in_contact"] = r.both_in_contact;
+  j["touching"] = r.touching;
+  j["energy_made_mj"] = rounded(1e3 * r.made, 5);
+  j["energy_made_by_episode_mj"] = rounded(1e3 * r.made_by_episode, 5);
+  j["energy_made_by_force_mj"] = rounded(1e3 * r.made_by_force, 5);
+  j["energy_absorbed_mj"] = rounded(1e3 * r.absorbed, 5);
+  j["controlled_force_max_n"] = rounded(r.controlled_force_max, 5);
+  j["controlled_force_rms_n"] = rounded(r.controlled_force_rms, 6);
+  j["controlled_work_mj"] = rounded(1e3 * r.controlled_work, 5);
+  j["faulty"] = r.faulty;
+  j["faults"] = r.faults;
+  return j;
+}
+
 nlohmann::ordered_json to_json(const CarveReport& r) {
-  nlohmann::ordered_json j = {{"ticks", r.ticks},
-                              {"steps", r.steps},
-                              {"strokes", r.strokes},
-                              {"in_contact", r.in_contact},
-                              {"latched", r.latched},
-                              {"removed", r.removed},
-                              {"force_max_n", rounded(r.force_max, 5)},
-                              {"device_max_n", r.device_max},
-                              {"farthest_mm", rounded(1e3 * r.farthest, 4)},
-                              {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
-                              {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
-                              {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
-                              {"free_steps", r.free_steps},
-                              {"gained_j", r.gained},
-                              {"energy_j", r.energy},
-                              {"made_j", r.made},
-                              {"made_allowed_j", r.made_allowed},
-                              {"free_energy_j", r.free_energy},
-                              {"status", r.status},
-                              {"faults", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json j = to_json(static_cast<const TrialTally&>(r));
+  j["strokes"] = r.strokes;
+  j["free_steps"] = r.free_steps;
+  j["made_j"] = r.made;
+  j["made_allowed_j"] = r.made_allowed;
+  j["free_energy_j"] = r.free_energy;
+  j["faults"] = nlohmann::ordered_json::array();
   for (const CarveFault& f : r.faults)
     j["faults"].push_back({{"seed", f.seed}, {"tick", f.tick}, {"what", f.what}});
   return j;
@@ -182,32 +186,6 @@ nlohmann::ordered_json to_json(const TwoHandsPoint& p) {
           {"wall_passive_n_m", rounded(p.wall.passive, 1)},
           {"over_wall", rounded(p.ours.steady / p.wall.steady, 3)},
           {"over_wall_passive", rounded(p.ours.passive / p.wall.passive, 3)}};
-}
-
-nlohmann::ordered_json to_json(const TwoHandsReport& r) {
-  return {{"hands", r.hands},
-          {"ticks", r.ticks},
-          {"steps", r.steps},
-          {"in_contact", r.in_contact},
-          {"both_in_contact", r.both_in_contact},
-          {"touching", r.touching},
-          {"latched", r.latched},
-          {"saturated", r.saturated},
-          {"solver_caps", r.solver_caps},
-          {"removed", r.removed},
-          {"force_max_n", rounded(r.force_max, 5)},
-          {"device_max_n", r.device_max},
-          {"energy_made_mj", rounded(1e3 * r.made, 5)},
-          {"energy_made_by_episode_mj", rounded(1e3 * r.made_by_episode, 5)},
-          {"energy_absorbed_mj", rounded(1e3 * r.absorbed, 5)},
-          {"farthest_mm", rounded(1e3 * r.farthest, 4)},
-          {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
-          {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
-          {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
-          {"gained_j", r.gained},
-          {"energy_j", r.energy},
-          {"faulty", r.faulty},
-          {"faults", r.faults}};
 }
 
 nlohmann::ordered_json to_json(const DdsPress& p) {
@@ -233,7 +211,7 @@ nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
   for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
   for (const CarveReport& r : chart.carve) json["carve"].push_back(to_json(r));
   for (const TwoHandsPoint& p : chart.two_hands) json["two_hands"].push_back(to_json(p));
-  for (const TwoHandsReport& r : chart.random_two) json["random_two"].push_back(to_json(r));
+  for (const RandomReport& r : chart.random_two) json["random_two"].push_back(to_json(r));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   return json;
@@ -255,6 +233,22 @@ void print_points(const StabilityMode& m) {
                   m.plan.limit, p.ours.judged <= m.plan.limit ? "holds" : "BREAKS", p.ours.worst_of.c_str());
 }
 
+bool print(const RandomReport& r) {
+  std::printf(
+      "random, hands %d, controller %s: %lld ticks, in contact %lld, both %lld, touching %lld, %d removed, "
+      "largest force "
+      "%.3f of %.1f N, made %.4f mJ (%.4f an episode; %.4f turning left out), farthest %.2f of %.2f mm, "
+      "fastest %.1f of "
+      "%.1f mm/s, pieces gained %.2g J of up to %.2g J  %s\n",
+      r.hands, r.passivity_control ? "on" : "off", static_cast<long long>(r.ticks),
+      static_cast<long long>(r.in_contact), static_cast<long long>(r.both_in_contact),
+      static_cast<long long>(r.touching), r.removed, r.force_max, r.device_max, 1e3 * r.made,
+      1e3 * r.made_by_episode, 1e3 * r.made_by_force, 1e3 * r.farthest, 1e3 * r.farthest_allowed,
+      1e3 * r.fastest, 1e3 * r.fastest_allowed, r.gained, r.energy, r.faults.empty() ? "sound" : "UNSOUND");
+  for (const std::string& f : r.faults) std::printf("  %s\n", f.c_str());
+  return r.faults.empty();
+}
+
 bool print(const StabilityChart& chart) {
   bool all = true;
   std::printf("%-20s %9s %9s %9s %9s\n", "mode", "naive", "default", "bound", "required");
@@ -266,14 +260,7 @@ bool print(const StabilityChart& chart) {
     if (m.plan.goes_on) print_points(m);
     all = all && m.survives;
   }
-  for (const RandomReport& r : chart.random) {
-    const bool sound = r.not_finite == 0 && r.above_maximum == 0;
-    std::printf(
-        "random: %lld ticks, controller %s, %d removed, largest force %.3f of %.1f N, made %.4f mJ  %s\n",
-        static_cast<long long>(r.ticks), r.passivity_control ? "on" : "off", r.removed, r.force_max,
-        r.device_max, 1e3 * r.made, sound ? "sound" : "UNSOUND");
-    all = all && sound;
-  }
+  for (const RandomReport& r : chart.random) all = print(r) && all;
   for (const CarveReport& r : chart.carve) {
     std::printf(
         "carve: %lld ticks, %lld strokes, %d removed, largest force %.3f of %.1f N, farthest %.2f of %.2f "
@@ -281,30 +268,18 @@ bool print(const StabilityChart& chart) {
         "steps made %.2g J of up to %.2g J  %s\n",
         static_cast<long long>(r.ticks), static_cast<long long>(r.strokes), r.removed, r.force_max,
         r.device_max, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest, 1e3 * r.fastest_allowed,
-        r.gained, r.energy,
-        static_cast<long long>(r.free_steps), static_cast<long long>(r.steps), r.made, r.free_energy,
-        r.faults.empty() ? "sound" : "UNSOUND");
+        r.gained, r.energy, static_cast<long long>(r.free_steps), static_cast<long long>(r.steps), r.made,
+        r.free_energy, r.faults.empty() ? "sound" : "UNSOUND");
     for (const CarveFault& f : r.faults)
       std::printf("  seed %llu, tick %lld: %s\n", static_cast<unsigned long long>(f.seed),
                   static_cast<long long>(f.tick), f.what.c_str());
     all = all && r.faults.empty();
   }
   for (const TwoHandsPoint& p : chart.two_hands)
-    std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f\n", p.body.c_str(), p.hand,
-                p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(), p.ours.steady / p.wall.steady,
-                p.ours.passive / p.wall.passive);
-  for (const TwoHandsReport& r : chart.random_two) {
-    std::printf(
-        "random, hands %d: %lld ticks, in contact %lld, both %lld, touching %lld, %d removed, largest force %.3f of %.1f "
-        "N, made %.4f mJ (%.4f an episode), farthest %.2f of %.2f mm, fastest %.1f of %.1f mm/s, pieces gained %.2g J of up to %.2g "
-        "J  %s\n",
-        r.hands, static_cast<long long>(r.ticks), static_cast<long long>(r.in_contact),
-        static_cast<long long>(r.both_in_contact), static_cast<long long>(r.touching), r.removed, r.force_max,
-        r.device_max, 1e3 * r.made, 1e3 * r.made_by_episode, 1e3 * r.farthest, 1e3 * r.farthest_allowed, 1e3 * r.fastest,
-        1e3 * r.fastest_allowed, r.gained, r.energy, r.faults.empty() ? "sound" : "UNSOUND");
-    for (const std::string& f : r.faults) std::printf("  %s\n", f.c_str());
-    all = all && r.faults.empty();
-  }
+    std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f\n", p.body.c_str(),
+                p.hand, p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(),
+                p.ours.steady / p.wall.steady, p.ours.passive / p.wall.passive);
+  for (const RandomReport& r : chart.random_two) all = print(r) && all;
   return all;
 }
 
@@ -364,7 +339,8 @@ Command add_stability(CLI::App& application) {
       ->check(CLI::IsMember(stability_mode_names()));
   app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
-  app->add_option("--ticks", options->settings.random_ticks, "of random, carve and random two, default a million")
+  app->add_option("--ticks", options->settings.random_ticks,
+                  "of random, carve and random two, default a million")
       ->check(CLI::PositiveNumber);
   app->add_option("--seed", options->settings.random_seed,
                   "of the first episode of random (40 000 ticks) and carve (100 000); the next has the next")

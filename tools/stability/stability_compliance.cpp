@@ -17,7 +17,7 @@
 #include "physics/compliance/system_matrix.h"
 #include "tools/chart/removal/chart_removal.h"
 #include "tools/chart/removal/chart_warping.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

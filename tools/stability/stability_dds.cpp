@@ -15,7 +15,7 @@
 #include "tools/cli/child.h"
 #include "tools/cli/report.h"
 #include "tools/soak/soak_daemon.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/bench/stability_bench.h"
 
 namespace hapticd {
 

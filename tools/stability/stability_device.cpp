@@ -1,7 +1,7 @@
 // Modes of the device and of what it rubs on: the encoder's quantum, friction.
 #include <numbers>
 
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

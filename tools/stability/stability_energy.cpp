@@ -8,7 +8,7 @@
 #include "physics/simulation/world.h"
 #include "physics/tissue/stored_energy.h"
 #include "tests/support/mesh_shapes.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <numbers>
 
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

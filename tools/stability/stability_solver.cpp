@@ -9,7 +9,7 @@
 #include "physics/contact/solver/coulomb.h"
 #include "tools/chart/solver/contact_sequence.h"
 #include "tools/chart/solver/pgs_baseline.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

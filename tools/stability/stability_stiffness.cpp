@@ -4,39 +4,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "tools/stability/stability_bench.h"
-
 namespace hapticd {
 
 namespace {
 
 constexpr double tissue_viscosity = 2e-3;  // of the cube, stiffness-proportional [s]
-
-// Between the samples of contact, where what is displayed is stiff and so touched lightly: no more than the
-// radius of the circle in which these presses touch, √(r d), 0.8 mm of a ball of 3 mm that is 0.2 mm deep. By
-// the scene's own 1 mm, made for 3 mm of depth, the ball would stand on one sample or two [m].
-constexpr double light_spacing = 0.7e-3;
-
-// A press meets ticks and quanta by chance: what is sound is sound wherever it starts, of so many places that
-// no quantum or tick divides evenly. Every fourth finds the limit, all of them confirm it: by four
-// alone a wall passed that breaks from twelve of sixteen.
-constexpr int few = 4;
-constexpr double between_starts = 3.1e-6;  // [m]
-
-// Up by √2 until `breaks`, then by halves until what is sound and what breaks are a factor apart.
-template <class Breaks>
-double last_sound(const Breaks& breaks, double from, double to, double factor) {
-  double sound = 0, broken = from;
-  while (broken <= to && !breaks(broken)) {
-    sound = broken;
-    broken *= std::numbers::sqrt2;
-  }
-  while (sound > 0 && broken > sound * factor) {
-    const double middle = std::sqrt(sound * broken);
-    (breaks(middle) ? broken : sound) = middle;
-  }
-  return sound;
-}
 
 Largest best(const Largest& a, const Largest& b) {
   return {std::max(a.steady, b.steady), std::max(a.passive, b.passive)};
@@ -54,14 +26,14 @@ StiffnessPoint measure(StabilityBench& bench, ClosedLoopSettings s, double facto
   const auto itself = [](double K, const ClosedLoopResult&) { return K; };
   const auto shown = [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); };
   for (const double time : {0.0, 0.5e-3, 1e-3, 1.5e-3, tissue_viscosity, 3e-3, 5e-3}) {
-    const Largest with = largest_sound([&](double K, const Settings& at) { return bench.wall(K, at, time); }, s, 20,
-                                 4e5, factor, itself);
+    const Largest with = largest_sound([&](double K, const Settings& at) { return bench.wall(K, at, time); },
+                                       s, 20, 4e5, factor, itself);
     p.wall = best(p.wall, with);
     if (time == tissue_viscosity) p.alike = with;
   }
   const auto daemon = [&](const DaemonRendererOptions& options) {
-    return largest_sound([&](double f, const Settings& at) { return bench.daemon(f, at, options); }, s, 0.5, 1e4,
-                   factor, shown);
+    return largest_sound([&](double f, const Settings& at) { return bench.daemon(f, at, options); }, s, 0.5,
+                         1e4, factor, shown);
   };
   p.ours = daemon({});
   DaemonRendererOptions options;
@@ -134,31 +106,6 @@ constexpr Grasp grasps[] = {
 };
 
 }  // namespace
-
-Largest largest_sound(const std::function<ClosedLoopResult(double, const ClosedLoopSettings&)>& run,
-                      const ClosedLoopSettings& s, double from, double to, double factor,
-                      const std::function<double(double, const ClosedLoopResult&)>& displayed, int starts) {
-  const auto any = [&](double value, const auto& unsound, int every) {
-    for (int k = 0; k < starts; k += every) {
-      ClosedLoopSettings there = s;
-      there.press.start -= k * between_starts * s.press.direction;
-      if (unsound(run(value, there))) return true;
-    }
-    return false;
-  };
-  const auto limit = [&](const auto& unsound, double least) {
-    double value = last_sound([&](double v) { return any(v, unsound, std::max(1, starts / few)); }, least, to, factor);
-    while (value >= least && any(value, unsound, 1)) value /= factor;
-    return value >= least ? value : 0;
-  };
-  const auto swinging = [&](const ClosedLoopResult& r) { return swings(r, s.hand); };
-  const auto active = [&](const ClosedLoopResult& r) { return swings(r, s.hand) || makes_energy(r); };
-  const auto shown = [&](double value) { return value > 0 ? displayed(value, run(value, s)) : 0; };
-  const double passive = limit(active, from);
-  // What makes no energy does not swing.
-  const double steady = std::max(limit(swinging, std::max(from, passive)), passive);
-  return {shown(steady), shown(passive)};
-}
 
 bool chart_stiffness(StabilityBench& cube, bool quick, StabilityChart& chart, const ModeProgress& progress) {
   StabilityBench bench = lightly_touched(cube);

@@ -15,14 +15,6 @@ namespace hapticd {
 
 class StabilityBench;
 
-using ModeProgress = std::function<bool(double)>;
-
-// Raises `value` by √2 from `from` to `to`, then by halves to `factor`, until a press of run(value, settings) swings,
-// and until it makes energy: what is displayed at the last sound value, of `starts` places where it begins.
-Largest largest_sound(const std::function<ClosedLoopResult(double, const ClosedLoopSettings&)>& run,
-                      const ClosedLoopSettings& s, double from, double to, double factor,
-                      const std::function<double(double, const ClosedLoopResult&)>& displayed, int starts = 16);
-
 // Adds the map (of one damping, if quick) and its mode; false: stopped.
 bool chart_stiffness(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress);
 

@@ -7,7 +7,7 @@
 #include "haptic/device.h"
 #include "server/files/paths.h"
 #include "server/scene/scene_reader.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

@@ -5,7 +5,7 @@
 
 #include "tools/chart/tissue/tissue_check.h"
 #include "tools/offline/stroke_trial.h"
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 

@@ -13,8 +13,24 @@
 
 namespace hapticd {
 
+// One key per line, so that lines are known.
+inline const std::string block_of_tissue = R"(bodies:
+  - name: block
+    kind: deformable
+    mesh: tiny_41_ascii.msh
+    removable: true
+    fixed: bottom
+    material:
+      young: 3000
+      poisson: 0.45
+      density: 1000
+)";
+
 class SceneFile : public testing::Test {
  protected:
+  // sound: the scene that a test spoils.
+  explicit SceneFile(std::string sound = "") : sound_(std::move(sound)) {}
+
   void SetUp() override {
     folder_ = std::filesystem::path(testing::TempDir()) /
               (std::string("scene_") + testing::UnitTest::GetInstance()->current_test_info()->name());
@@ -63,6 +79,13 @@ class SceneFile : public testing::Test {
     }
   }
 
+  // … of the sound scene.
+  void expect_fault(const std::string& old, const std::string& replacement, const std::string& key,
+                    const std::string& words, int line = 0) {
+    expect_fault_in(sound_, old, replacement, key, words, line);
+  }
+
+  const std::string sound_;
   std::filesystem::path folder_;
 };
 

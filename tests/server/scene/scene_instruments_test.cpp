@@ -15,17 +15,7 @@ const std::string tissue = R"(scene: two hands
 simulation:
   alarm_distance: 0.1
   sample_spacing: 0.05
-bodies:
-  - name: block
-    kind: deformable
-    mesh: tiny_41_ascii.msh
-    removable: true
-    fixed: bottom
-    material:
-      young: 3000
-      poisson: 0.45
-      density: 1000
-)";
+)" + block_of_tissue;
 
 const std::string two_hands = tissue + R"(instrument_friction: 0.3
 instruments:
@@ -65,10 +55,7 @@ instruments:
 
 class SceneInstruments : public SceneFile {
  protected:
-  void expect_fault(const std::string& old, const std::string& replacement, const std::string& key,
-                    const std::string& words, int line = 0) {
-    expect_fault_in(two_hands, old, replacement, key, words, line);
-  }
+  SceneInstruments() : SceneFile(two_hands) {}
 
   // An entry with all that is needed and nothing else, at id.
   static std::string entry(const std::string& name, int id) {

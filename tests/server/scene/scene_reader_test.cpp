@@ -17,24 +17,13 @@ namespace fs = std::filesystem;
 
 const fs::path scenes = fs::path(SOURCE_DIR) / "config/scenes";
 
-// One key per line, so that lines are known.
 const std::string good_scene = R"(scene: test
 simulation:
   rate: 50
   contact: renewed
   alarm_distance: 0.1
   sample_spacing: 0.05
-bodies:
-  - name: block
-    kind: deformable
-    mesh: tiny_41_ascii.msh
-    removable: true
-    fixed: bottom
-    material:
-      young: 3000
-      poisson: 0.45
-      density: 1000
-instrument:
+)" + block_of_tissue + R"(instrument:
   tip: ball
   primitives:
     - name: ball
@@ -59,10 +48,7 @@ trajectory: move.csv
 
 class SceneReader : public SceneFile {
  protected:
-  void expect_fault(const std::string& old, const std::string& replacement, const std::string& key,
-                    const std::string& words, int line = 0) {
-    expect_fault_in(good_scene, old, replacement, key, words, line);
-  }
+  SceneReader() : SceneFile(good_scene) {}
 };
 
 TEST_F(SceneReader, GoodSceneIsRead) {

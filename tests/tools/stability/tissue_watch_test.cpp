@@ -1,5 +1,5 @@
 // What the watch says of a block cut in two, its upper half free.
-#include "tools/stability/tissue_watch.h"
+#include "tools/stability/bench/tissue_watch.h"
 
 #include <gtest/gtest.h>
 

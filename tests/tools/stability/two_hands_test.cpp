@@ -3,8 +3,8 @@
 
 #include "server/files/paths.h"
 #include "server/scene/scene_reader.h"
-#include "tools/stability/two_hands/random_two_hands.h"
-#include "tools/stability/two_hands/two_hand_renderer.h"
+#include "tools/stability/bench/two_hand_renderer.h"
+#include "tools/stability/random_hands.h"
 
 namespace hapticd {
 namespace {
@@ -21,8 +21,8 @@ Pose down(double depth) { return {Vec3(0, 0, 26e-3 - depth), Quat::Identity()}; 
 
 double depth_at(int tick) { return 5e-3 * std::min(1.0, tick / 400.0); }
 
-// The other a metre away: what a hand feels is, but for round-off, what it feels by itself. A step's bits are the same
-// (two_hands_test.cpp of physics), a tick's last ones are not; why is not traced.
+// The other a metre away: what a hand feels is, but for round-off, what it feels by itself. A step's bits are
+// the same (two_hands_test.cpp of physics), a tick's last ones are not; why is not traced.
 TEST(TwoHandRenderer, WhoIsFarAwayIsNotFelt) {
   const Scene two = cube_of_two(1);
   Scene one = two;
@@ -79,9 +79,8 @@ TEST(TwoHandsAtRandom, NothingBurstsAndTwoMakeNoMoreEnergyThanOne) {
   settings.ticks = 16'000;
   settings.episode = 8'000;
   const auto on = [](double) { return true; };
-  const TwoHandsReport two = run_random_two(scene, 2, settings, on),
-                       one = run_random_two(scene, 1, settings, on);
-  for (const TwoHandsReport* r : {&two, &one})
+  const RandomReport two = run_random(scene, 2, settings, on), one = run_random(scene, 1, settings, on);
+  for (const RandomReport* r : {&two, &one})
     for (const std::string& fault : r->faults) ADD_FAILURE() << r->hands << " hands, " << fault;
   EXPECT_EQ(two.ticks, settings.ticks);
   EXPECT_GT(two.both_in_contact, 500);

@@ -40,8 +40,8 @@ TravellingTip::TravellingTip(const Scene& scene, const TipSettings& settings)
 
 Pose TravellingTip::at(double t) const {
   const double way = settings_.speed * t;
-  const double r = 1.2e-3 + 0.8e-3 * std::sin(way / 5e-3);
-  const double angle = way / 1.2e-3;
+  const double r = settings_.around + settings_.aside * std::sin(way / 5e-3);
+  const double angle = way / 1.2e-3 + settings_.turned;
   Pose X;
   X.p = {r * std::cos(angle), r * std::sin(angle), 0};
   X.p.z() = surface(X.p.x(), X.p.y()) + radius_ - settings_.depth;

@@ -1,7 +1,7 @@
 // What charts of the step press: a lens alone, and a tip that travels over its anterior face.
 //
-//   p(s) = (r(s) cos φ, r(s) sin φ, z_surface + radius − depth),   r = 1.2 mm + 0.8 mm sin(s/5 mm),
-//   φ = s / 1.2 mm,   s: way
+//   p(s) = (r(s) cos φ, r(s) sin φ, z_surface + radius − depth),   r = around + aside sin(s/5 mm),
+//   φ = s / 1.2 mm + turned,   s: way
 //
 // so the tip always comes to other tissue, at `speed`. The surface is the lens's at rest. Lenses are the
 // cataract scene's (1k) and those of config/scenes/lens_large; all but the mesh is the scene lens_5k.
@@ -20,6 +20,8 @@ namespace hapticd {
 struct TipSettings {
   double speed = 3e-3;  // [m/s]
   double depth = 0.3e-3;
+  double around = 1.2e-3, aside = 0.8e-3;
+  double turned = 0;  // [rad]
 };
 
 // alarm_distance and sample_spacing as asked for: they decide how large patch and contact are.

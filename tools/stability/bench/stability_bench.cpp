@@ -1,4 +1,4 @@
-#include "tools/stability/stability_bench.h"
+#include "tools/stability/bench/stability_bench.h"
 
 #include <cmath>
 #include <limits>

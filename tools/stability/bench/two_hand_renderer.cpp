@@ -1,4 +1,4 @@
-#include "tools/stability/two_hands/two_hand_renderer.h"
+#include "tools/stability/bench/two_hand_renderer.h"
 
 #include <algorithm>
 #include <cmath>

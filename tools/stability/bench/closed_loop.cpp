@@ -1,4 +1,4 @@
-#include "tools/stability/closed_loop.h"
+#include "tools/stability/bench/closed_loop.h"
 
 #include <algorithm>
 #include <cmath>

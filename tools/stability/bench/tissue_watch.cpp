@@ -1,4 +1,4 @@
-#include "tools/stability/tissue_watch.h"
+#include "tools/stability/bench/tissue_watch.h"
 
 #include <algorithm>
 #include <cmath>
@@ -102,7 +102,8 @@ void TissueWatch::look_at_step(const Body& body, Watched& watched, TissueExtreme
     for (std::size_t n = 0; n < pieces.of_node.size() && f.size() > 0; ++n)
       if (const int p = pieces.of_node[n]; p >= 0)
         allowed[p] += f.segment<3>(3 * static_cast<Eigen::Index>(n)).dot(body.state.x[n] - watched.x[n]);
-    for (int k = 0; k < pieces.count(); ++k) out.gained = std::max(out.gained, H[k] - std::max(allowed[k], 0.0));
+    for (int k = 0; k < pieces.count(); ++k)
+      out.gained = std::max(out.gained, H[k] - std::max(allowed[k], 0.0));
   }
   if (pieces.count() > 0) out.energy = std::max(out.energy, H.maxCoeff());
   watched.x = body.state.x;

@@ -6,7 +6,7 @@
 #pragma once
 
 #include "haptic/device.h"
-#include "tools/stability/lens_hand.h"
+#include "tools/stability/bench/lens_hand.h"
 
 namespace hapticd {
 

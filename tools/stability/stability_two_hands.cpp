@@ -1,18 +1,16 @@
-#include "tools/stability/two_hands/stability_two_hands.h"
+#include "tools/stability/stability_two_hands.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "tools/stability/stability_bench.h"
-#include "tools/stability/stability_stiffness.h"
-#include "tools/stability/two_hands/two_hand_renderer.h"
+#include "tools/stability/bench/two_hand_renderer.h"
+#include "tools/stability/stability_plans.h"
 
 namespace hapticd {
 namespace {
 
 constexpr double apart = 10e-3, reaches = 5e-3;     // device frame: 3 mm of it above the cube [m]
-constexpr double light_spacing = 0.7e-3;            // as of mode `stiffness` [m]
 constexpr double comes_at = 0.02, comes_in = 0.15;  // the other, before the first press begins [s]
 constexpr double pushed = 0.75e-3;                  // [m]
 constexpr double pushes_a_second = 10, dies_after = 0.05;

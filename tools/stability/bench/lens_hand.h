@@ -30,7 +30,8 @@ Vec3 over_lens(double x, double y, double depth);
 // … and where it touches the posterior surface from within.
 Vec3 on_posterior(double x, double y);
 
-// The shaft's direction as the instrument's z, its x level: through the incision, or the scene two_hands's side port.
+// The shaft's direction as the instrument's z, its x level: through the incision, or the scene two_hands's
+// side port.
 Quat through_incision(const Vec3& tip);
 Quat through_side_port(const Vec3& tip);
 

@@ -4,25 +4,16 @@
 // Both press the cube scene's ball, 10 mm apart, the second on a coupling half as stiff. The other holds its
 // device rigidly, 2 mm deep (`still`); pushes 0.75 mm to and fro at 10 Hz in the first half of each hold
 // (`pushes`); or its client dies in the second hold (`dies`); `alone`: there is no other. Displayed stiffness
-// and judgement are those of stability_stiffness.h. Of a hand beside one that stands still the tissue may
+// and judgement are those of largest_stiffness.h. Of a hand beside one that stands still the tissue may
 // give nothing; of one beside one that pushes the energy of both counts, from when the first begins; and
 // where a client dies, from the start. Both devices scale forces alike. Units: SI.
 #pragma once
-
-#include <functional>
-#include <string>
 
 #include "tools/stability/stability.h"
 
 namespace hapticd {
 
-class StabilityBench;
-using ModeProgress = std::function<bool(double)>;
-
 // Adds the rows (one body and one hand, if quick) and their mode; false: stopped.
 bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress);
-
-// One hand's force is late, the other's is not.
-StabilityPlan plan_one_late(StabilityBench& bench, bool quick);
 
 }  // namespace hapticd

@@ -1,4 +1,4 @@
-#include "tools/stability/two_hands/hands_daemon.h"
+#include "tools/stability/bench/hands_daemon.h"
 
 #include <cmath>
 

@@ -2,15 +2,19 @@
 //
 //   farthest   of a live node from the middle of the removable body at rest [m]
 //   fastest    node [m/s]
-//   gained     H − H_before − fᵀΔx of a piece in the step, f of the instrument and of other bodies on its nodes;
+//   gained     H − H_before − fᵀΔx of a piece in the step, f of the instrument and of other bodies on its
+//   nodes;
 //              H = ½ Σ m v² + elastic energy, H_before of what the step left of it: never above 0 [J]
-//   made       H − H₀ of a free piece, H₀ since it was last pressed, cut or joined to nothing held: no work was
+//   made       H − H₀ of a free piece, H₀ since it was last pressed, cut or joined to nothing held: no work
+//   was
 //              done on it, so H may only fall [J]
 //
 // Bounds are the scene's and the script's, V the instrument's largest speed:
-//   farthest   R + 2 V/α + 2 a    R: of a deformable body at rest from that middle; a piece struck elastically
-//                                 by what is heavier goes at 2 V and, slowed by the Rayleigh mass damping α alone,
-//                                 comes no farther than 2 V/α; what is pressed lies within two alarm distances a
+//   farthest   R + 2 V/α + 2 a    R: of a deformable body at rest from that middle; a piece struck
+//   elastically
+//                                 by what is heavier goes at 2 V and, slowed by the Rayleigh mass damping α
+//                                 alone, comes no farther than 2 V/α; what is pressed lies within two alarm
+//                                 distances a
 //   fastest    2 V + s/h          s: the removable body's largest extent; what is dragged along all of it and
 //                                 let go comes back in a step
 // Pieces hang together by nodes (fragments.h). Without gravity only: std::invalid_argument else.
@@ -60,7 +64,8 @@ class TissueWatch {
     std::vector<Vec3> x, v;  // when last looked at; empty: never
   };
   static void label(const Body& body, Watched& watched);
-  static VecX energies(const Body& body, const Pieces& pieces, const std::vector<Vec3>& x, const std::vector<Vec3>& v);
+  static VecX energies(const Body& body, const Pieces& pieces, const std::vector<Vec3>& x,
+                       const std::vector<Vec3>& v);
   static void look_at_step(const Body& body, Watched& watched, TissueExtremes& out);
   static void look_at_free(const Body& body, Watched& watched, TissueExtremes& out);
 

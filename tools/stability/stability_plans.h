@@ -1,43 +1,10 @@
-// What a mode of the atlas is: a value to be made worse, two methods, and what is judged.
-//
-// Each plan function is one mode and says in its texts what naive is, what is asked and why. `run` functions
-// are pure: a value in, a trial out. Plans may measure what they need at once (a displayed stiffness).
+// The modes of the atlas that sweep a value: each function is one and says in its texts what naive is, what
+// is asked and why. Plans may measure what they need at once (a displayed stiffness).
 #pragma once
 
-#include <functional>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include "tools/stability/closed_loop.h"
+#include "tools/stability/bench/stability_bench.h"
 
 namespace hapticd {
-
-class StabilityBench;
-
-// One method at one value.
-struct StabilityTrial {
-  double judged = 0;                             // infinite: not a number came out
-  std::uint32_t status = 0;                      // bits of its force messages
-  std::string says;                              // what else it says of itself where it is not well
-  std::string worst_of;                          // where several ways were tried: which of them was the worst
-  std::optional<ClosedLoopResult> loop;          // of a closed loop
-  std::vector<std::pair<double, double>> trace;  // for the picture
-};
-
-struct StabilityPlan {
-  std::string parameter, naive, ours, judged, reason;  // reason: of what is required
-  std::string trace_x = "time [s]", trace_y = "force on the hand [N]";
-  double limit = 0, required = 0, analytic_bound = 0;  // 0: no bound
-  std::vector<double> values;                          // rising
-  bool last_sound = false;  // what is kept is the last sound value, not the first broken
-  bool goes_on = false;     // the daemon is tried beyond the first value that breaks it
-  std::function<StabilityTrial(double)> run_naive, run_ours;
-};
-
-// from, from·factor, … to.
-std::vector<double> geometric(double from, double to, double factor);
 
 // Time: stability_time.cpp.
 StabilityPlan plan_delay(StabilityBench&, bool quick);
@@ -71,5 +38,7 @@ StabilityPlan plan_remnant(StabilityBench&, bool quick);
 StabilityPlan plan_fast_stroke(StabilityBench&, bool quick);
 StabilityPlan plan_wedge(StabilityBench&, bool quick);
 StabilityPlan plan_stiffness_ratio(StabilityBench&, bool quick);
+// One of two hands' forces is late, the other's is not: stability_two_hands.cpp.
+StabilityPlan plan_one_late(StabilityBench&, bool quick);
 
 }  // namespace hapticd

@@ -30,8 +30,8 @@ namespace hapticd {
 
 struct ClosedLoopSettings {
   HandSettings hand;
-  Press press;             // its hold is the first; then `deeper`, held as long
-  double deeper = 0.3e-3;  // [m]
+  Press press;                       // its hold is the first; then `deeper`, held as long
+  double deeper = 0.3e-3;            // [m]
   Quat orientation = Quat::Identity();
   bool let_go = false;
   double arm = 0.2;  // the first pose is held so long before the press [s]
@@ -42,7 +42,8 @@ struct ClosedLoopSettings {
   bool renumbered = false;           // states are numbered as they arrive: nobody can tell that one is old
   std::function<Vec3(double)> sway;  // added to the hand's target [m]; empty: none
   std::function<std::uint32_t(double)> buttons;  // empty: none is pressed
-  std::function<double()> taken_elsewhere;  // energy that the renderer took in at other hands since the start [J]
+  std::function<double()>
+      taken_elsewhere;  // energy that the renderer took in at other hands since the start [J]
 };
 
 struct ClosedLoopTick {

@@ -1,4 +1,4 @@
-#include "tools/stability/lens_hand.h"
+#include "tools/stability/bench/lens_hand.h"
 
 #include <cmath>
 

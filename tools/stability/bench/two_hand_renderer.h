@@ -14,7 +14,7 @@
 
 #include "tools/client/hand_model.h"
 #include "tools/offline/renderer.h"
-#include "tools/stability/two_hands/hands_daemon.h"
+#include "tools/stability/bench/hands_daemon.h"
 
 namespace hapticd {
 

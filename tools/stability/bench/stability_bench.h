@@ -6,7 +6,7 @@
 #pragma once
 
 #include "server/scene/scene.h"
-#include "tools/stability/stability_mode.h"
+#include "tools/stability/bench/stability_mode.h"
 
 namespace hapticd {
 
@@ -38,8 +38,8 @@ class StabilityBench {
   std::vector<ClosedLoopTick> slow_;
 };
 
-// Slope of a slow press's force over its depth, by least squares where it is within a quarter of `force` [N/m]; of
-// forces scaled by `scale`, taken out.
+// Slope of a slow press's force over its depth, by least squares where it is within a quarter of `force`
+// [N/m]; of forces scaled by `scale`, taken out.
 double slope_at(const std::vector<ClosedLoopTick>& slow, double scale, double force);
 
 bool swings(const ClosedLoopResult& r, const HandSettings& hand);

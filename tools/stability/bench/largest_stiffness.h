@@ -1,0 +1,31 @@
+// The largest stiffness that a way to render displays soundly to one hand.
+//
+// It is raised until it swings at rest, and until renderer and device make energy, from any of several
+// starts; what is kept is the last stiffness, as displayed, before the first that does. Units: SI.
+#pragma once
+
+#include <functional>
+
+#include "tools/stability/bench/stability_bench.h"
+
+namespace hapticd {
+
+// The largest displayed stiffness [N/m] by swing and by energy, of one way to render.
+struct Largest {
+  double steady = 0, passive = 0;
+};
+
+// Between the samples of contact, where what is displayed is stiff and so touched lightly: no more than the
+// radius of the circle in which these presses touch, √(r d), 0.8 mm of a ball of 3 mm that is 0.2 mm deep. By
+// the scene's own 1 mm, made for 3 mm of depth, the ball would stand on one sample or two [m].
+inline constexpr double light_spacing = 0.7e-3;
+
+// Raises `value` by √2 from `from` to `to`, then by halves to `factor`, until a press of run(value, settings)
+// swings, and until it makes energy: what is displayed at the last sound value, of `starts` places where it
+// begins.
+Largest largest_sound(const std::function<ClosedLoopResult(double, const ClosedLoopSettings&)>& run,
+                      const ClosedLoopSettings& s, double from, double to, double factor,
+                      const std::function<double(double, const ClosedLoopResult&)>& displayed,
+                      int starts = 16);
+
+}  // namespace hapticd

@@ -1,0 +1,195 @@
+#include "tools/stability/random_hands.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "tools/client/hand_model.h"
+#include "tools/stability/bench/episodes.h"
+#include "tools/stability/bench/hands_daemon.h"
+#include "tools/stability/bench/stray.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double tick_s = 1e-3;
+constexpr int substeps = 4;
+constexpr double peak_speed = 80e-3;  // of a tip in the scene: 4 mm in 100 ms, minimum jerk [m/s]
+
+Scene with_hands(Scene scene, int hands) {
+  scene.instruments.resize(static_cast<std::size_t>(hands));
+  return scene;
+}
+
+class Episode {
+ public:
+  Episode(const Scene& scene, int hands, const RandomSettings& settings, std::uint64_t seed,
+          RandomReport& report)
+      : scene_(with_hands(scene, hands)),
+        seed_(seed),
+        report_(report),
+        daemon_(scene_, settings.passivity_control),
+        watch_(scene_, daemon_.world().bodies(), peak_speed) {
+    for (int i = 0; i < hands; ++i) {
+      hand_.emplace_back(seed + 1'000'003 * static_cast<std::uint64_t>(i),
+                         over_lens(-1.5e-3 * i, -0.6e-3, -0.5e-3));
+      connected_[i] = true;
+      hand_.back().turned = on_device(i, hand_.back().stray.tip()).q;
+      hand_.back().state.x = hand_.back().before = on_device(i, hand_.back().stray.tip()).p;
+    }
+  }
+
+  void tick(std::int64_t k) {
+    EachInstrument<DeviceSample> sample;
+    EachInstrument<const DeviceSample*> arrived;
+    std::vector<HandTarget> target;
+    for (int i = 0; i < hands(); ++i) {
+      Hand& hand = hand_[static_cast<std::size_t>(i)];
+      const Pose there = on_device(i, hand.stray.tip());
+      const bool lost = hand.stray.lost();
+      sample[i].buttons = hand.stray.buttons();
+      hand.stray.advance();
+      target.push_back({there.p, (on_device(i, hand.stray.tip()).p - there.p) / tick_s});
+      sample[i].sequence = static_cast<std::uint64_t>(k) + 1;
+      sample[i].pose = {quantised(hand.state.x, settings(i).quantum), there.q};
+      sample[i].enable = enables(k, hand.last);
+      if (!lost) arrived[i] = &sample[i];
+    }
+    const EachInstrument<ForceSample> answer = daemon_.tick(arrived, connected_);
+    ++report_.ticks;
+    int in_contact = 0;
+    for (int i = 0; i < hands(); ++i) {
+      const Hand& hand = hand_[static_cast<std::size_t>(i)];
+      if (const auto broken = judge(device(i), answer[i], hand.last, report_)) fault(k, *broken);
+      in_contact += answer[i].active > 0;
+      move(i, target[static_cast<std::size_t>(i)], answer[i]);
+    }
+    least_ = std::min(least_, energy_);
+    least_by_force_ = std::min(least_by_force_, energy_by_force_);
+    report_.in_contact += in_contact > 0;
+    report_.both_in_contact += in_contact > 1;
+    report_.touching += touching();
+    if (daemon_.world().steps() != steps_) ticks_of_step_ = 0;
+    steps_ = daemon_.world().steps();
+    if (++ticks_of_step_ != looked_at) return;
+    if (const auto broken = judge(watch_.look(daemon_.world().bodies()), watch_.bounds(), report_))
+      fault(k, *broken);
+  }
+
+  void finish() {
+    report_.made = report_.made_by_episode = -least_;
+    report_.made_by_force = -least_by_force_;
+    report_.absorbed = energy_;
+    report_.removed = daemon_.world().removed();
+  }
+
+ private:
+  struct Hand {
+    Hand(std::uint64_t seed, const Vec3& begin) : stray(seed, begin) {}
+    Stray stray;
+    HandState state;
+    Vec3 before = Vec3::Zero();
+    Quat turned = Quat::Identity();
+    ForceSample last;
+  };
+
+  int hands() const { return static_cast<int>(hand_.size()); }
+  const DeviceSettings& device(int i) const { return scene_.instruments[static_cast<std::size_t>(i)].device; }
+  HandSettings settings(int i) const {
+    HandSettings hand;
+    hand.quantum = 55e-6;
+    hand.saturation = device(i).max_force;
+    return hand;
+  }
+  Pose on_device(int i, const Vec3& tip) const {
+    return to_device(device(i), {tip, i == 0 ? through_incision(tip) : through_side_port(tip)});
+  }
+
+  void move(int i, const HandTarget& target, const ForceSample& answer) {
+    Hand& hand = hand_[static_cast<std::size_t>(i)];
+    for (int k = 0; k < substeps; ++k)
+      hand.state = advanced(settings(i), hand.state, {target.x + tick_s * k / substeps * target.v, target.v},
+                            answer.force, tick_s / substeps);
+    const Vec3 moved = hand.state.x - hand.before;
+    energy_ -= answer.force.dot(moved);
+    energy_by_force_ -= answer.force.dot(moved);
+    const DeviceState& rendered = daemon_.haptic().device[i];
+    report_.controlled_force_max = std::max(report_.controlled_force_max, rendered.controlled.norm());
+    report_.controlled_force_rms += rendered.controlled.squaredNorm();
+    report_.controlled_work -= rendered.controlled.dot(moved);
+    const Vec3 torque = rendered.render == Render::zero ? Vec3(Vec3::Zero()) : rendered.rendered.torque;
+    const Quat turned = on_device(i, hand.stray.tip()).q;
+    energy_ -= torque.dot(difference(Pose{Vec3::Zero(), turned}, Pose{Vec3::Zero(), hand.turned}).tail<3>());
+    hand.turned = turned;
+    hand.before = hand.state.x;
+    hand.last = answer;
+  }
+
+  bool touching() const {
+    const ContactScratch& scratch = daemon_.haptic().scratch;
+    if (!daemon_.haptic().solved) return false;
+    for (int r = 0; r < scratch.rows.contacts; ++r)
+      if (scratch.rows.row[static_cast<std::size_t>(r)].other >= 0 &&
+          scratch.lambda[static_cast<std::size_t>(scratch.rows.rows_per_contact * r)] > 0)
+        return true;
+    return false;
+  }
+
+  void fault(std::int64_t k, const std::string& what) {
+    if (++report_.faulty > 1) return;
+    report_.faults.push_back("seed " + std::to_string(seed_) + ", tick " + std::to_string(k) + ": " + what);
+  }
+
+  const Scene scene_;
+  const std::uint64_t seed_;
+  RandomReport& report_;
+  HandsDaemon daemon_;
+  TissueWatch watch_;
+  std::vector<Hand> hand_;
+  EachInstrument<bool> connected_;
+  double energy_ = 0, least_ = 0, energy_by_force_ = 0, least_by_force_ = 0;
+  std::uint64_t steps_ = 0;
+  int ticks_of_step_ = 0;
+};
+
+void add(const RandomReport& part, RandomReport& sum) {
+  add(static_cast<const TrialTally&>(part), static_cast<TrialTally&>(sum));
+  sum.both_in_contact += part.both_in_contact;
+  sum.touching += part.touching;
+  sum.made = std::max(sum.made, part.made);
+  sum.made_by_episode += part.made_by_episode;
+  sum.made_by_force = std::max(sum.made_by_force, part.made_by_force);
+  sum.absorbed += part.absorbed;
+  sum.controlled_force_max = std::max(sum.controlled_force_max, part.controlled_force_max);
+  sum.controlled_work += part.controlled_work;
+  sum.controlled_force_rms += part.controlled_force_rms;
+  sum.faulty += part.faulty;
+  sum.faults.insert(sum.faults.end(), part.faults.begin(), part.faults.end());
+}
+
+}  // namespace
+
+RandomReport run_random(const Scene& scene, int hands, const RandomSettings& settings,
+                        const std::function<bool(double)>& progress) {
+  const auto run = [&](std::uint64_t seed, std::int64_t ticks, RandomReport& part,
+                       const std::function<bool(std::int64_t)>& done) {
+    const auto episode = std::make_unique<Episode>(scene, hands, settings, seed, part);
+    for (std::int64_t k = 0; k < ticks; ++k) {
+      episode->tick(k);
+      if (k % 256 == 0 && !done(256)) break;
+    }
+    episode->finish();
+  };
+  const std::vector<RandomReport> parts =
+      run_episodes<RandomReport>(settings.ticks, settings.episode, settings.seed, run, progress);
+  RandomReport report;
+  report.hands = hands;
+  report.passivity_control = settings.passivity_control;
+  for (const RandomReport& part : parts) add(part, report);
+  if (!parts.empty()) report.made_by_episode /= static_cast<double>(parts.size());
+  if (report.ticks > 0)
+    report.controlled_force_rms = std::sqrt(report.controlled_force_rms / static_cast<double>(report.ticks));
+  return report;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,47 @@
+// One or several hands at random in one lens: each strays (stray.h), the first cuts, all lose states.
+//
+// They meet tissue and one another anywhere. Watched: trial_tally.h; over all: the energy that the renderer
+// made, of all ports together, for the devices scale alike:
+//   E = −Σ_i ∫ F_i·dx_i + τ_i·dθ_i,   made = −min E
+// A hand turns its stylus as it is told, through its port. The scenes' devices display no torque, but what
+// moves and turns an instrument puts in both, so that τ is the torque as rendered. `made_by_force` leaves the
+// turning out: it is what such a device lets the hand feel, and may be above zero of any spring that is
+// turned for nothing. A fresh lens every episode. Deterministic, on however many cores. Units: SI.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "server/scene/scene.h"
+#include "tools/stability/bench/trial_tally.h"
+
+namespace hapticd {
+
+struct RandomSettings {
+  std::int64_t ticks = 1'000'000;
+  std::int64_t episode = 40'000;
+  std::uint64_t seed = 1;
+  bool passivity_control = false;
+};
+
+struct RandomReport : TrialTally {
+  int hands = 1;
+  bool passivity_control = false;
+  std::int64_t both_in_contact = 0, touching = 0;  // ticks
+  double made = 0;                                 // largest of the episodes' [J]
+  double made_by_episode = 0;                      // … their mean [J]
+  double made_by_force = 0;                        // … largest, turning left out [J]
+  double absorbed = 0;                             // E at the end, all episodes [J]
+  double controlled_force_max = 0;                 // the controller's own, on a device [N]
+  double controlled_work = 0;                      // … what it took out, all episodes [J]
+  double controlled_force_rms = 0;                 // … over all ticks [N]
+  std::int64_t faulty = 0;                         // what broke a bound: so often …
+  std::vector<std::string> faults;                 // … the first of each episode
+};
+
+// hands: of the scene's instruments the first so many. `progress(fraction)` returns false to stop.
+RandomReport run_random(const Scene& scene, int hands, const RandomSettings& settings,
+                        const std::function<bool(double)>& progress);
+
+}  // namespace hapticd
