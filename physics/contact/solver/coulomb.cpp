@@ -14,10 +14,7 @@ constexpr double largest_start = 1e6;  // of the free gaps' forces
 
 }  // namespace
 
-CoulombFactor::CoulombFactor(int most)
-    : mode(most),
-      pivot(3 * most),
-      lu(static_cast<std::size_t>(padded(3 * most)) * static_cast<std::size_t>(3 * most)) {}
+CoulombFactor::CoulombFactor(int most) : mode(most), jacobian(3 * most) {}
 
 CoulombWorkspace::CoulombWorkspace(int contacts)
     : capacity(contacts),
@@ -25,6 +22,8 @@ CoulombWorkspace::CoulombWorkspace(int contacts)
       prepared(contacts),
       rho(contacts),
       reduced(contacts),
+      slipping(contacts),
+      row(3 * contacts),
       mode(contacts),
       delta(3 * contacts),
       best(3 * contacts),

@@ -21,9 +21,9 @@
 #include <span>
 #include <vector>
 
+#include "physics/contact/solver/bordered_factor.h"
 #include "physics/contact/solver/deadline.h"
 #include "physics/contact/solver/lcp.h"
-#include "physics/contact/solver/small_factors.h"
 
 namespace hapticd {
 
@@ -79,7 +79,8 @@ enum class ContactMode : std::uint8_t { open, stick, slip, frictionless, limited
 
 struct ReducedContact {
   int contact;
-  int first;  // its unknowns start here
+  int first;  // its unknown λ_n, with those of λ_t behind it where it sticks
+  int turn;   // slip: the unknown τ
   ContactMode mode;
   double d1, d2;    // slip: the direction d of λ_t
   double lambda_n;  // slip: at the base point
@@ -88,7 +89,7 @@ struct ReducedContact {
   int count() const noexcept { return mode == ContactMode::stick ? 3 : mode == ContactMode::slip ? 2 : 1; }
 };
 
-// The LU that is kept.
+// The Jacobian's factor that is kept.
 struct CoulombFactor {
   explicit CoulombFactor(int most);
 
@@ -97,9 +98,8 @@ struct CoulombFactor {
   int size = 0;
   double epsilon = 0;
   std::vector<ContactMode> mode;
-  std::vector<int> pivot;
-  std::vector<double> lu;
-  double pivot_ratio = 1;    // of the least to the largest of the last LU: small where hyperstatic
+  BorderedFactor jacobian;   // its pivots' ratio is small where hyperstatic
+  double flops = 0;          // of the last one, with its assembly
   double ns_per_flop = 0.1;  // of the last ones, where there was a clock
 };
 
@@ -112,6 +112,8 @@ struct CoulombWorkspace {
   std::vector<std::uint8_t> prepared;  // local holds this solve's matrix
   std::vector<double> rho;
   std::vector<ReducedContact> reduced;
+  std::vector<int> slipping;  // of reduced, those that slip
+  std::vector<int> row;       // W's row of each unknown of the others
   std::vector<ContactMode> mode;
   std::vector<double> delta;  // per row
   std::vector<double> best;

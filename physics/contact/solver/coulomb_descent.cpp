@@ -7,10 +7,10 @@ namespace hapticd {
 namespace {
 
 constexpr int most_halvings = 5;
-constexpr double good_chord = 0.1;       // of the merit left: the LU is good for another step
-constexpr double enough = 0.2;           // of a step's length, the least fall of the merit
-constexpr double slow = 0.5;             // of the merit left: steps go on without asking
-constexpr double worth_a_sweep = 10;     // a full step's merit, of the one before: a sweep may mend it
+constexpr double good_chord = 0.1;    // of the merit left: the LU is good for another step
+constexpr double enough = 0.2;        // of a step's length, the least fall of the merit
+constexpr double slow = 0.5;          // of the merit left: steps go on without asking
+constexpr double worth_a_sweep = 10;  // a full step's merit, of the one before: a sweep may mend it
 constexpr double lost = 1e5;      // of the merit: a step taken without asking does not come back from there
 constexpr double settling = 0.3;  // of the shift left after a step that served …
 constexpr double least_shift = 1e-4;  // … and below this, none
@@ -85,7 +85,8 @@ void CoulombSolve::newton(const CoulombStage& stage) noexcept {
       settle();
       if (judge(false)) merit = merit_here();
     } else {
-      put_back(ws_.start.data());
+      std::copy_n(ws_.start.data(), rows_, lambda_.data());
+      std::copy_n(ws_.start_delta.data(), rows_, ws_.delta.data());
       if (step.outcome == NewtonOutcome::no_time || deadline.passed()) break;
       if (step.factorisations > 0 && (roaming || !stepped)) break;
       if (step.factorisations > 0) {

@@ -2,16 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-
-#include "physics/contact/solver/small_factors.h"
 
 namespace hapticd {
 namespace {
 
 constexpr int singly = 60;  // unknowns up to which contacts leave one by one
 constexpr double forget = 0.95;
-constexpr double flops_of_assembly = 12;  // per entry, in LU flops
+// A typedef: of an alias clang drops `aligned`, and faults.
+typedef double Lanes __attribute__((vector_size(32), aligned(8), may_alias));
+
+constexpr double flops_of_assembly = 12;  // per entry, in flops of the factor
 
 // Sorts one contact by y = λ − ρ δ.
 ContactMode classify(const double* l, const double* d, double rho, double mu, double limit,
@@ -29,21 +29,23 @@ ContactMode classify(const double* l, const double* d, double rho, double mu, do
 }
 
 // λ of one contact after its step, wherever that is.
-Vec3 linear(const ReducedContact& u, const double* base, const double* step, double mu) noexcept {
+Vec3 linear(const ReducedContact& u, const double* base, const double* steps, double mu) noexcept {
+  const double* step = steps + u.first;
   if (u.mode == ContactMode::frictionless) return {base[0] + step[0], 0, 0};
   if (u.mode == ContactMode::stick) return {base[0] + step[0], base[1] + step[1], base[2] + step[2]};
-  const double n = u.lambda_n + step[0], turn = step[1] / mu;
+  const double n = u.lambda_n + step[0], turn = steps[u.turn] / mu;
   return {n, mu * (n * u.d1 - turn * u.d2), mu * (n * u.d2 + turn * u.d1)};
 }
 
 // λ of one contact after its step, inside its cone.
-Vec3 stepped(const ReducedContact& u, const double* base, const double* step, double mu,
+Vec3 stepped(const ReducedContact& u, const double* base, const double* steps, double mu,
              double limit) noexcept {
+  const double* step = steps + u.first;
   if (u.mode == ContactMode::frictionless) return {std::clamp(base[0] + step[0], 0.0, limit), 0, 0};
   if (u.mode == ContactMode::slip) {
     const double n = std::max(0.0, u.lambda_n + step[0]);
     if (n == 0) return Vec3::Zero();
-    const double turn = step[1] / (mu * n);
+    const double turn = steps[u.turn] / (mu * n);
     Eigen::Vector2d d(u.d1 - turn * u.d2, u.d2 + turn * u.d1);
     d *= mu * n / d.norm();
     return {n, d[0], d[1]};
@@ -52,19 +54,6 @@ Vec3 stepped(const ReducedContact& u, const double* base, const double* step, do
   const double t = out.tail<2>().norm();
   if (t > mu * out[0]) out.tail<2>() *= mu * out[0] / t;
   return out;
-}
-
-// δ's part that equation k of one contact measures.
-inline void measure(const ReducedContact& u, const double* g, double* out) noexcept {
-  const double* at = g + 3 * u.contact;
-  double* to = out + u.first;
-  to[0] = at[0];
-  if (u.mode == ContactMode::stick) {
-    to[1] = at[1];
-    to[2] = at[2];
-  } else if (u.mode == ContactMode::slip) {
-    to[1] = u.d1 * at[2] - u.d2 * at[1];
-  }
 }
 
 class Reduced {
@@ -105,45 +94,48 @@ class Reduced {
            std::equal(ws_.mode.begin(), ws_.mode.begin() + s_.contacts, f.mode.begin());
   }
 
-  double flops() const noexcept { return size_ * (size_ * (2.0 / 3 * size_ + flops_of_assembly)); }
+  double flops() const noexcept {
+    return BorderedFactor::flops(definite_, border_) + flops_of_assembly * size_ * size_;
+  }
 
+  // The Jacobian is symmetric but for the columns of slipping contacts' λ_n, which are e = n + μ d: those are
+  // the border, N has n's rows and E has e's.
   bool factor(double shift, bool raw) noexcept {
     CoulombFactor& f = ws_.factor;
     f.version = 0;
-    const int ld = padded(size_);
+    f.jacobian.resize(definite_, border_);
     for (const ReducedContact& u : contacts()) {
-      const double* c0 = s_.W.data() + 3 * static_cast<std::ptrdiff_t>(u.contact) * s_.W.outerStride();
+      const double* c0 = normal_column(u.contact);
       const double* c1 = c0 + s_.W.outerStride();
       const double* c2 = c1 + s_.W.outerStride();
       const double mu = s_.mu[u.contact];
       const double rho = s_.rho[u.contact], diagonal = rho > 0 ? (s_.epsilon + shift) / rho : 0;
-      for (int b = 0; b < u.count(); ++b) {
-        double* out = f.lu.data() + static_cast<std::ptrdiff_t>(u.first + b) * ld;
-        const double* g = b == 0 ? c0 : b == 1 ? c1 : c2;
-        if (u.mode == ContactMode::slip) {
-          combine(b == 0 ? c0 : nullptr, c1, c2, b == 0 ? mu * u.d1 : -u.d2, b == 0 ? mu * u.d2 : u.d1);
-          g = ws_.column.data();
+      if (u.mode != ContactMode::slip) {
+        if (u.mode == ContactMode::stick) {
+          measure_columns<3>(c0, s_.W.outerStride(), u.first);
+        } else {
+          measure_columns<1>(c0, 0, u.first);
         }
-        for (const ReducedContact& v : contacts()) measure(v, g, out);
-        std::fill(out + size_, out + ld, 0.0);
-        out[u.first + b] += diagonal;
+        for (int k = u.first; k < u.first + u.count(); ++k) f.jacobian.column(k)[k] += diagonal;
+        continue;
       }
-      if (u.mode != ContactMode::slip) continue;
+      for (int k = 0; k < 3 * s_.contacts; ++k) ws_.column[k] = u.d1 * c2[k] - u.d2 * c1[k];
+      measure_columns<1>(ws_.column.data(), 0, u.turn);
       const double* d = ws_.delta.data() + 3 * u.contact;
       const double slip = -(u.d1 * d[1] + u.d2 * d[2]);
-      f.lu[static_cast<std::size_t>(u.first + 1) * static_cast<std::size_t>(ld + 1)] +=
-          raw ? u.c : std::max(u.c, slip / (mu * u.lambda_n));
+      f.jacobian.column(u.turn)[u.turn] += diagonal + (raw ? u.c : std::max(u.c, slip / (mu * u.lambda_n)));
+      double* T = f.jacobian.corner(u.first - definite_);
+      const double x = mu * u.d1, y = mu * u.d2;
+      for (int j = 0; j < border_; ++j) {
+        const int row = 3 * slipping(j).contact;
+        T[j] = c0[row] + x * c1[row] + y * c2[row];
+      }
+      T[u.first - definite_] += diagonal;
     }
-    if (!lu_factor(f.lu.data(), size_, f.pivot.data())) return false;
-    double least = std::numeric_limits<double>::infinity(), largest = 0;
-    for (int k = 0; k < size_; ++k) {
-      const double pivot = std::abs(f.lu[static_cast<std::size_t>(k) * static_cast<std::size_t>(ld + 1)]);
-      least = std::min(least, pivot);
-      largest = std::max(largest, pivot);
-    }
-    f.pivot_ratio = largest > 0 ? least / largest : 1;
+    if (!f.jacobian.factor()) return false;
     f.contacts = s_.contacts;
     f.size = size_;
+    f.flops = flops();
     f.epsilon = s_.epsilon;
     std::copy_n(ws_.mode.begin(), s_.contacts, f.mode.begin());
     // Within one solve W is the same, whatever its version.
@@ -152,9 +144,15 @@ class Reduced {
   }
 
   void solve() noexcept {
-    for (const ReducedContact& u : contacts()) measure(u, ws_.delta.data(), ws_.step.data());
-    for (int k = 0; k < size_; ++k) ws_.step[k] = -ws_.step[k];
-    lu_solve(ws_.factor.lu.data(), size_, ws_.factor.pivot.data(), ws_.step.data());
+    const double* delta = ws_.delta.data();
+    for (int k = 0; k < plain_; ++k) ws_.step[k] = -delta[ws_.row[k]];
+    for (int j = 0; j < border_; ++j) {
+      const ReducedContact& u = slipping(j);
+      const double* d = delta + 3 * u.contact;
+      ws_.step[u.turn] = -(u.d1 * d[2] - u.d2 * d[1]);
+      ws_.step[u.first] = -d[0];
+    }
+    ws_.factor.jacobian.solve(ws_.step.data());
   }
 
   // The contact that the step pulls on hardest, or presses farthest beyond its limit, leaves (of a large
@@ -189,28 +187,68 @@ class Reduced {
   }
 
  private:
+  // Unknowns: those of contacts that stick, of frictionless ones; then every τ, then λ_n of those that slip.
   void number() noexcept {
-    size_ = 0;
+    plain_ = border_ = 0;
+    const auto take = [&](ReducedContact& u) {
+      u.first = plain_;
+      for (int b = 0; b < u.count(); ++b) ws_.row[plain_++] = 3 * u.contact + b;
+    };
     for (int k = 0; k < count_; ++k) {
-      ws_.reduced[k].first = size_;
-      size_ += ws_.reduced[k].count();
+      if (ws_.reduced[k].mode == ContactMode::slip) ws_.slipping[border_++] = k;
+      if (ws_.reduced[k].mode == ContactMode::stick) take(ws_.reduced[k]);
+    }
+    sticking_ = plain_;
+    for (int k = 0; k < count_; ++k)
+      if (ws_.reduced[k].mode == ContactMode::frictionless) take(ws_.reduced[k]);
+    definite_ = plain_ + border_;
+    size_ = definite_ + border_;
+    for (int j = 0; j < border_; ++j) {
+      ReducedContact& u = ws_.reduced[ws_.slipping[j]];
+      u.turn = plain_ + j;
+      u.first = definite_ + j;
     }
   }
 
-  // column = [c0 +] x c1 + y c2
-  void combine(const double* c0, const double* c1, const double* c2, double x, double y) noexcept {
-    const int rows = 3 * s_.contacts;
-    double* g = ws_.column.data();
-    if (c0) {
-      for (int k = 0; k < rows; ++k) g[k] = c0[k] + x * c1[k] + y * c2[k];
-    } else {
-      for (int k = 0; k < rows; ++k) g[k] = x * c1[k] + y * c2[k];
+  const ReducedContact& slipping(int j) const noexcept { return ws_.reduced[ws_.slipping[j]]; }
+
+  const double* normal_column(int contact) const noexcept {
+    return s_.W.data() + 3 * static_cast<std::ptrdiff_t>(contact) * s_.W.outerStride();
+  }
+
+  // Columns k … k + N − 1 of the panel, from g = W p_k … of all contacts' rows, `apart` from one another.
+  template <int N>
+  void measure_columns(const double* g, std::ptrdiff_t apart, int k) noexcept {
+    double* out[N];
+    for (int c = 0; c < N; ++c) out[c] = ws_.factor.jacobian.column(k + c);
+    const int* row = ws_.row.data();
+    int i = BorderedFactor::first_row(k);
+    i -= i % 3;
+    // Four rows at once, of which the last is written again.
+    for (; i + 3 < sticking_; i += 3)
+      for (int c = 0; c < N; ++c)
+        *reinterpret_cast<Lanes*>(out[c] + i) = *reinterpret_cast<const Lanes*>(g + c * apart + row[i]);
+    for (; i < plain_; ++i)
+      for (int c = 0; c < N; ++c) out[c][i] = g[c * apart + row[i]];
+    for (int j = 0; j < border_; ++j) {
+      const ReducedContact& u = slipping(j);
+      const double mu = s_.mu[u.contact];
+      for (int c = 0; c < N; ++c) {
+        const double* at = g + c * apart + 3 * u.contact;
+        out[c][plain_ + j] = u.d1 * at[2] - u.d2 * at[1];
+        out[c][definite_ + j] = at[0];
+        out[c][definite_ + border_ + j] = at[0] + mu * (u.d1 * at[1] + u.d2 * at[2]);
+      }
     }
   }
 
   const CoulombSystem& s_;
   CoulombWorkspace& ws_;
   int count_ = 0;
+  int sticking_ = 0;  // unknowns of contacts that stick
+  int plain_ = 0;     // … that do not slip
+  int border_ = 0;    // contacts that slip
+  int definite_ = 0;  // plain_ + border_
   int size_ = 0;
 };
 
@@ -240,7 +278,11 @@ NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shif
                        const Deadline& deadline, CoulombWorkspace& ws) noexcept {
   Reduced reduced(s, ws);
   reduced.sort(lambda);
-  s.compute_delta(ws.trial.data(), ws.delta.data());
+  for (int i = 0; i < s.contacts; ++i) {
+    const Vec3 moved =
+        Eigen::Map<const Vec3>(ws.trial.data() + 3 * i) - Eigen::Map<const Vec3>(lambda + 3 * i);
+    if (!moved.isZero(0)) s.add_contact(i, moved, ws.delta.data());
+  }
   NewtonStep result;
   const auto factor = [&] {
     CoulombFactor& f = ws.factor;
@@ -273,9 +315,9 @@ NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shif
   }
   for (const ReducedContact& u : reduced.contacts()) {
     double* out = ws.trial.data() + 3 * u.contact;
-    const double* step = ws.step.data() + u.first;
-    Eigen::Map<Vec3>{out} = raw ? linear(u, out, step, s.mu[u.contact])
-                                : stepped(u, out, step, s.mu[u.contact], s.limit_of(u.contact));
+    const double* steps = ws.step.data();
+    Eigen::Map<Vec3>{out} = raw ? linear(u, out, steps, s.mu[u.contact])
+                                : stepped(u, out, steps, s.mu[u.contact], s.limit_of(u.contact));
   }
   return result;
 }

@@ -3,10 +3,11 @@
 //   stick: δ = 0 in 3 unknowns;   slip: δ_n = 0, t̂·δ_t + c τ = 0 in λ_n and τ, λ_t = μ λ_n d;
 //   frictionless: δ_n = 0;   open, limited: none, λ_n is 0 or the limit
 //
-// The LU is kept: while W and the sorting of the contacts stay, the next step is a chord step with it, also
-// in the next solve. `shift` adds shift · D to the Jacobian alone: steps along freedoms that W does not have
-// stay finite, and the solution is not moved. Guarantee: wait-free, no allocation, at most one LU of at most
-// `rows` unknowns, and its solves.
+// The Jacobian is symmetric but for the columns of slipping contacts' λ_n, which are n + μ d: the border of
+// its factor (bordered_factor.h). The factor is kept: while W and the sorting of the contacts stay, the next
+// step is a chord step with it, also in the next solve. `shift` adds shift · D to the Jacobian alone: steps
+// along freedoms that W does not have stay finite, and the solution is not moved. Guarantee: wait-free, no
+// allocation, at most one factor of at most `rows` unknowns, and its solves.
 #pragma once
 
 #include "physics/contact/solver/coulomb.h"

@@ -38,6 +38,7 @@ constexpr int longest_run_of_sweeps = 32;
 constexpr int sweeps_between_checks = 4;
 constexpr int sweeps_of_polish = 2;          // and of the first run, whose time they are judged by
 constexpr int dear_steps = 8;                // LUs that the later stages are not begun without time for
+constexpr double caution = 1.5;              // of the time that is predicted for them
 constexpr double hyperstatic = 1e-5;         // ratio of LU pivots below which freedoms are missing
 constexpr int solves_raised = 20;            // that keep a raised diagonal …
 constexpr int most_solves_raised = 320;      // … twice as many each time it is needed again, to this
@@ -100,7 +101,7 @@ void CoulombSolve::alternate() noexcept {
       if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
       if (open() && !affords(dear_steps)) hurried_ = true;
       if (open() && &stage != stages && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
-          ws_.factor.pivot_ratio < hyperstatic)
+          ws_.factor.jacobian.pivot_ratio() < hyperstatic)
         raise(options_.raised_diagonal);
     }
   }
@@ -169,7 +170,7 @@ void CoulombSolve::take_off_raised() noexcept {
 }
 
 bool CoulombSolve::affords(int factors) const noexcept {
-  const double n = ws_.factor.size, ns = factors * n * n * (n + 18) * ws_.factor.ns_per_flop;
+  const double ns = caution * factors * ws_.factor.flops * ws_.factor.ns_per_flop;
   return !options_.deadline.bounded() || ns < static_cast<double>(options_.deadline.left());
 }
 

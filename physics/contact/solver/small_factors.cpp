@@ -15,10 +15,8 @@ constexpr double keep_diagonal = 0.1;  // of the largest below it: then it is th
 // A typedef: of an alias clang drops `aligned`, and faults.
 typedef double Lanes __attribute__((vector_size(32), aligned(8), may_alias));
 
-double* at(double* A, int ld, int i, int j) noexcept { return A + static_cast<std::ptrdiff_t>(j) * ld + i; }
-const double* at(const double* A, int ld, int i, int j) noexcept {
-  return A + static_cast<std::ptrdiff_t>(j) * ld + i;
-}
+double* at(double* A, std::ptrdiff_t ld, int i, int j) noexcept { return A + j * ld + i; }
+const double* at(const double* A, std::ptrdiff_t ld, int i, int j) noexcept { return A + j * ld + i; }
 
 // A strided view of the right factor: B(k, j) = data[k · by_k + j · by_j].
 struct Right {
@@ -66,7 +64,7 @@ void subtract_product(double* C, const double* A, const Right& B, int ld, int ro
 }
 
 // y −= A x, A of `rows` rows and a strip of columns.
-void subtract_strip(const double* A, int ld, int rows, const double* x, double* y) noexcept {
+void subtract_strip(const double* A, std::ptrdiff_t ld, int rows, const double* x, double* y) noexcept {
   const double x0 = x[0], x1 = x[1], x2 = x[2], x3 = x[3];
   const double *a = A, *b = A + ld, *c = b + ld, *d = c + ld;
   int i = 0;
@@ -78,7 +76,7 @@ void subtract_strip(const double* A, int ld, int rows, const double* x, double* 
 }
 
 // y −= Aᵀ x, A of `rows` rows and a strip of columns.
-void subtract_dots(const double* A, int ld, int rows, const double* x, double* y) noexcept {
+void subtract_dots(const double* A, std::ptrdiff_t ld, int rows, const double* x, double* y) noexcept {
   Lanes sum[strip] = {};
   int i = 0;
   for (; i + 4 <= rows; i += 4) {
@@ -205,8 +203,7 @@ void cholesky(double* A, int n, double floor) noexcept {
   }
 }
 
-void cholesky_solve(const double* L, int n, double* b) noexcept {
-  const int ld = padded(n);
+void lower_solve(const double* L, std::ptrdiff_t ld, int n, int rows, double* b) noexcept {
   for (int s = 0; s < n; s += strip) {
     const double* triangle = at(L, ld, s, s);
     const int width = std::min(strip, n - s);
@@ -214,17 +211,39 @@ void cholesky_solve(const double* L, int n, double* b) noexcept {
       b[s + j] /= *at(triangle, ld, j, j);
       for (int i = j + 1; i < width; ++i) b[s + i] -= *at(triangle, ld, i, j) * b[s + j];
     }
-    if (width == strip) subtract_strip(triangle + strip, ld, n - s - strip, b + s, b + s + strip);
+    const double* below = triangle + width;
+    const int left = rows - s - width;
+    if (width == strip) {
+      subtract_strip(below, ld, left, b + s, b + s + width);
+    } else {
+      for (int j = 0; j < width; ++j)
+        for (int i = 0; i < left; ++i) b[s + width + i] -= *at(below, ld, i, j) * b[s + j];
+    }
   }
-  for (int s = (n - 1) / strip * strip; s >= 0; s -= strip) {
+}
+
+void lower_transposed_solve(const double* L, std::ptrdiff_t ld, int n, int rows, double* b) noexcept {
+  for (int s = (n - 1) / strip * strip; s >= 0 && n > 0; s -= strip) {
     const double* triangle = at(L, ld, s, s);
     const int width = std::min(strip, n - s);
-    if (width == strip) subtract_dots(triangle + strip, ld, n - s - strip, b + s + strip, b + s);
+    const double* below = triangle + width;
+    const int left = rows - s - width;
+    if (width == strip) {
+      subtract_dots(below, ld, left, b + s + width, b + s);
+    } else {
+      for (int j = 0; j < width; ++j)
+        for (int i = 0; i < left; ++i) b[s + j] -= *at(below, ld, i, j) * b[s + width + i];
+    }
     for (int j = width - 1; j >= 0; --j) {
       for (int i = j + 1; i < width; ++i) b[s + j] -= *at(triangle, ld, i, j) * b[s + i];
       b[s + j] /= *at(triangle, ld, j, j);
     }
   }
+}
+
+void cholesky_solve(const double* L, int n, double* b) noexcept {
+  lower_solve(L, padded(n), n, n, b);
+  lower_transposed_solve(L, padded(n), n, n, b);
 }
 
 bool lu_factor(double* A, int n, int* pivot) noexcept {

@@ -10,12 +10,20 @@
 // relative diagonal. Guarantee: wait-free, no allocation, n³/3 and 2n³/3 flops; the solves 2n².
 #pragma once
 
+#include <cstddef>
+
 namespace hapticd {
 
 constexpr int padded(int n) noexcept { return (n + 3) / 4 * 4; }
 
 void cholesky(double* A, int n, double floor) noexcept;
 void cholesky_solve(const double* L, int n, double* b) noexcept;
+
+// L: n lower triangular columns of `rows` ≥ n rows, leading dimension ld. b[0 … n) ← L⁻¹ b[0 … n), and what
+// the rows below the triangle give is taken from b[n … rows); the second: b[0 … n) ← L⁻ᵀ (b[0 … n) − L₂ᵀ b[n
+// …)).
+void lower_solve(const double* L, std::ptrdiff_t ld, int n, int rows, double* b) noexcept;
+void lower_transposed_solve(const double* L, std::ptrdiff_t ld, int n, int rows, double* b) noexcept;
 
 // pivot: n row exchanges. False where A is singular to working precision or not finite.
 bool lu_factor(double* A, int n, int* pivot) noexcept;

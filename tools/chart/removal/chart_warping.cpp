@@ -125,7 +125,7 @@ std::vector<WarpingPoint> chart_warping(const TissueModel& held, const TissueMod
     const int columns = std::min(settings.error_columns, 3 * static_cast<int>(patch.size()));
     const MatX oracle = oracle_columns(model, state, settings.h, patch, columns);
     WarpRotation turn(model);
-    turn.set_reference(rest.rotation);
+    turn.set_reference(rest.rotation, model.tets_in_use);
     double largest = 0;
     for (const int n : patch) largest = std::max(largest, angle_of(turn(n, state)));
 

@@ -8,12 +8,12 @@ namespace hapticd {
 namespace {
 
 constexpr double least_scale = 1e-6;  // of forces that no hand feels
-constexpr double no_limit = 1e6;      // of the device: [N], [N/s]
+constexpr double unlimited = 1e6;      // of the device: [N], [N/s]
 
 }  // namespace
 
 StabilityBench::StabilityBench(const Scene& cube) : scene_(cube) {
-  scene_.first().device.max_force = scene_.first().device.max_force_rate = no_limit;
+  scene_.first().device.max_force = scene_.first().device.max_force_rate = unlimited;
   press_.hand.mass = 0.1;
   press_.hand.stiffness = 300;
   press_.hand.damping = 4;
