@@ -29,7 +29,7 @@ TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instru
   const auto removable =
       std::find_if(bodies.begin(), bodies.end(), [](const Body& b) { return b.removable; });
   if (removable == bodies.end()) throw std::invalid_argument("no body of the scene can be cut");
-  for (const Vec3& x : removable->rest) middle_ += x / static_cast<double>(removable->rest.size());
+  for (const Vec3& x : removable->rest()) middle_ += x / static_cast<double>(removable->rest().size());
   double least_damping = std::numeric_limits<double>::infinity(), radius = 0;
   for (const Body& b : bodies) {
     if (!b.deformable) continue;
@@ -37,8 +37,8 @@ TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instru
     if (b.removable) least_damping = std::min(least_damping, b.model.material.rayleigh_mass);
   }
   bounds_.farthest = radius + 2 * instrument_speed / least_damping + 2 * scene.alarm_distance;
-  Vec3 low = removable->rest.front(), high = low;
-  for (const Vec3& x : removable->rest) {
+  Vec3 low = removable->rest().front(), high = low;
+  for (const Vec3& x : removable->rest()) {
     low = low.cwiseMin(x);
     high = high.cwiseMax(x);
   }
