@@ -17,15 +17,20 @@ std::uint64_t front_id(int instrument, int k, const CutFront& front) noexcept {
   return edge_id(instrument, static_cast<int>(front.number % (1u << 24)) * max_edge_samples + k);
 }
 
-// A run's points along the edge, and one more at either end, half a sample and a little beyond. alone: the
-// edge's direction times the width, of a run of one.
-std::vector<Vec3> with_ends(const std::vector<Vec3>& run, const Vec3& alone) {
+// How far a run's strip goes beyond its outer sample, in samples: half a one where the blade ends, and one
+// more where it goes on without tissue ahead of it, for tissue that bulges ends nearer to the run than the
+// blade.
+double beyond(bool blade_goes_on) { return (blade_goes_on ? 1.5 : 0.5) + overlap; }
+
+// A run's points along the edge, and one more at either end, so many samples on. alone: the edge's direction
+// times the width, of a run of one.
+std::vector<Vec3> with_ends(const std::vector<Vec3>& run, const Vec3& alone, double before, double after) {
   const std::size_t n = run.size();
   const Vec3 first = n > 1 ? Vec3(run[1] - run[0]) : alone,
              last = n > 1 ? Vec3(run[n - 1] - run[n - 2]) : alone;
-  std::vector<Vec3> out = {run[0] - (0.5 + overlap) * first};
+  std::vector<Vec3> out = {run[0] - before * first};
   out.insert(out.end(), run.begin(), run.end());
-  out.push_back(run[n - 1] + (0.5 + overlap) * last);
+  out.push_back(run[n - 1] + after * last);
   return out;
 }
 
@@ -86,15 +91,16 @@ void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
       CutFront& f = front[k];
       const Vec3 way = f.point.rest - f.cut_to;
       advanced = advanced || !way.isZero(0);
-      const double before = f.begun ? 0 : overlap * blade.sample[k].width;  // a cut begins before the surface
-      from.push_back(f.cut_to - before * way.stableNormalized());
+      const double back = f.begun ? 0 : overlap * blade.sample[k].width;  // a cut begins before the surface
+      from.push_back(f.cut_to - back * way.stableNormalized());
       to.push_back(f.point.rest);
     }
     if (!advanced) continue;
     if (std::none_of(front.begin(), front.end(), [](const CutFront& f) { return f.begun; }))
       cut.of_blade[i].start();
     cut.strip.clear();
-    cut.strip.sweep(with_ends(from, alone), with_ends(to, alone));
+    const double before = beyond(first > 0), after = beyond(end < front.size());
+    cut.strip.sweep(with_ends(from, alone, before, after), with_ends(to, alone, before, after));
     note(cut.of_blade[i].extend(body.model, body.state, cut.work, cut.strip, cut.change));
     for (std::size_t k = first; k < end; ++k) {
       front[k].cut_to = front[k].point.rest;

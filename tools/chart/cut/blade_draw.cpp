@@ -11,7 +11,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double toughness = 1, speed = 10e-3;                                     // J/m², m/s
+constexpr double toughness = 0.5, speed = 10e-3;                                   // J/m², m/s
 constexpr double block_x = 24e-3, block_y = 12e-3, block_z = 10e-3, depth = 4e-3;  // m
 constexpr double first_x = -3e-3, measured_from = 7e-3, last_x = 15e-3;
 constexpr int samples = 16, samples_above = 4;
@@ -57,7 +57,9 @@ BladeDraw draw_blade(double h, int cells) {
   out.h_ms = 1e3 * h;
   out.mesh = cells;
   out.expected_n = toughness * depth;
-  const double edge_middle = block_z - depth + 0.5 * samples * depth / (samples - samples_above);
+  // A quarter of a sample low: the block's top bulges by less than what is then left to the next sample.
+  constexpr double width = depth / (samples - samples_above);
+  const double edge_middle = block_z - depth + (0.5 * samples - 0.25) * width;
   auto problem = std::make_unique<CondensedProblem>();
   double sum = 0, squares = 0, area_before = 0, energy_before = 0;
   std::vector<double> ms;

@@ -4,8 +4,8 @@
 //
 // A block is held at its bottom. A vertical edge, longer than the cut is deep, is drawn along x at 10 mm/s,
 // with a thin sheet behind it; steps of h, `exact`, no friction. Means are over the middle of the way, after
-// onset. Depth D in the rest shape; the blade stands where its edge's samples begin at the block's top, so
-// that D is a whole number of them. Units in the names. Errors: none. Source: DESIGN §11; Atkins, The Science
+// onset. D: that of the samples below the block's top, of which the blade has a whole number there and a
+// quarter of one too many. Units in the names. Errors: none. Source: DESIGN §11; Atkins, The Science
 // and Engineering of Cutting (2009), ch. 3.
 #pragma once
 
