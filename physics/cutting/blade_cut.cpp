@@ -1,11 +1,17 @@
 #include "physics/cutting/blade_cut.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "physics/cutting/opening.h"
 #include "physics/cutting/subdivision.h"
 
 namespace hapticd {
+namespace {
+
+constexpr double least_along = 0.3;  // of a face's normal along the strip's
+
+}  // namespace
 
 BladeCut::BladeCut(const TissueModel& model, const CutLimits& limits)
     : limits_(limits), grid_(model), on_(model.mesh.nodes.size(), 0), side_(model.mesh.tets.size(), 0) {
@@ -113,14 +119,20 @@ void BladeCut::find_faces(const TissueModel& model, const TissueState& state, Cu
   }
 }
 
-// Of an element with a face on the surface: the side of its fourth node.
+// Of an element with a face on the surface: the side of its fourth node, as that face sees it, for the cut
+// runs along the face and not along the strip. A face that stands across the strip does not tell.
 int BladeCut::side_of(const TissueModel& model, const TissueState& state, int tet,
                       const SweptSurface& strip) noexcept {
   if (side_[tet] != 0) return side_[tet];
   if (all_on(model, tet)) return side_of_cluster(model, state, tet, strip);
   const Tet& nodes = model.mesh.tets[tet];
-  const int apex = *std::find_if(nodes.begin(), nodes.end(), [&](int n) { return !on_[n]; });
-  side_[tet] = strip.side(model.mesh.nodes[apex]) > 0 ? 1 : -1;
+  const auto& X = model.mesh.nodes;
+  const auto apex = std::find_if(nodes.begin(), nodes.end(), [&](int n) { return !on_[n]; });
+  const Triangle face = outward_face(nodes, static_cast<int>(apex - nodes.begin()));
+  const Vec3 outward = (X[face[1]] - X[face[0]]).cross(X[face[2]] - X[face[0]]).normalized();
+  const double along = outward.dot(strip.normal((X[face[0]] + X[face[1]] + X[face[2]]) / 3));
+  const double side = std::abs(along) > least_along ? -along : strip.side(X[*apex]);
+  side_[tet] = side > 0 ? 1 : -1;
   sided_.push_back(tet);
   return side_[tet];
 }

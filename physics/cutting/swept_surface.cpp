@@ -69,8 +69,14 @@ std::optional<double> SweptSurface::crossing(const Vec3& a, const Vec3& b) const
 }
 
 double SweptSurface::side(const Vec3& p) const noexcept {
+  const Facet& t = nearest(p);
+  return (p - t.a).dot(t.normal);
+}
+
+const SweptSurface::Facet& SweptSurface::nearest(const Vec3& p) const noexcept {
   double least = std::numeric_limits<double>::infinity();
   double height = 0;
+  const Facet* found = triangles_.data();
   for (const Facet& t : triangles_) {
     const double distance = (p - nearest_point(p, t.a, t.b, t.c)).norm();
     const double above = (p - t.a).dot(t.normal);
@@ -80,8 +86,9 @@ double SweptSurface::side(const Vec3& p) const noexcept {
       continue;
     least = distance;
     height = above;
+    found = &t;
   }
-  return height;
+  return *found;
 }
 
 Eigen::AlignedBox3d SweptSurface::box() const noexcept {

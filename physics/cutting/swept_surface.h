@@ -30,6 +30,9 @@ class SweptSurface {
   // The distance to the plane of the nearest triangle, positive on the positive side. Pre: not empty.
   double side(const Vec3& p) const noexcept;
 
+  // Unit, of the nearest triangle. Pre: not empty.
+  Vec3 normal(const Vec3& p) const noexcept { return nearest(p).normal; }
+
   // Pre: not empty.
   Eigen::AlignedBox3d box() const noexcept;
 
@@ -39,6 +42,7 @@ class SweptSurface {
     Vec3 normal;  // unit
   };
   void add(const Vec3& a, const Vec3& b, const Vec3& c) noexcept;
+  const Facet& nearest(const Vec3& p) const noexcept;
 
   std::vector<Facet> triangles_;
 };

@@ -17,21 +17,18 @@ std::uint64_t front_id(int instrument, int k, const CutFront& front) noexcept {
   return edge_id(instrument, static_cast<int>(front.number % (1u << 24)) * max_edge_samples + k);
 }
 
-// How far a run's strip goes beyond its outer sample, in samples: half a one where the blade ends, and one
-// more where it goes on without tissue ahead of it, for tissue that bulges ends nearer to the run than the
-// blade.
-double beyond(bool blade_goes_on) { return (blade_goes_on ? 1.5 : 0.5) + overlap; }
-
-// A run's points along the edge, and one more at either end, so many samples on. alone: the edge's direction
-// times the width, of a run of one.
-std::vector<Vec3> with_ends(const std::vector<Vec3>& run, const Vec3& alone, double before, double after) {
-  const std::size_t n = run.size();
-  const Vec3 first = n > 1 ? Vec3(run[1] - run[0]) : alone,
-             last = n > 1 ? Vec3(run[n - 1] - run[n - 2]) : alone;
-  std::vector<Vec3> out = {run[0] - before * first};
-  out.insert(out.end(), run.begin(), run.end());
-  out.push_back(run[n - 1] + after * last);
-  return out;
+// How far a run's strip goes beyond its outer front: half a sample where the blade ends; where it goes on and
+// has no tissue ahead of it, out of the tissue, for what bulges ends nearer in the rest shape. along: one
+// sample on, in the rest shape.
+Vec3 beyond(const Body& body, const MaterialPoint& front, const Vec3& along, std::size_t samples_left) {
+  constexpr std::size_t most = 2;
+  Vec3 reach = 0.5 * along;
+  if (samples_left > 0) {
+    MaterialPoint end = front;
+    walk(body.model, body.state, end, (0.5 + static_cast<double>(std::min(samples_left, most))) * along);
+    reach = end.rest - front.rest;
+  }
+  return reach + overlap * along;
 }
 
 }  // namespace
@@ -99,8 +96,15 @@ void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
     if (std::none_of(front.begin(), front.end(), [](const CutFront& f) { return f.begun; }))
       cut.of_blade[i].start();
     cut.strip.clear();
-    const double before = beyond(first > 0), after = beyond(end < front.size());
-    cut.strip.sweep(with_ends(from, alone, before, after), with_ends(to, alone, before, after));
+    const Vec3 first_way = end - first > 1 ? Vec3(to[1] - to[0]) : alone;
+    const Vec3 last_way = end - first > 1 ? Vec3(to.back() - to[to.size() - 2]) : alone;
+    const Vec3 before = beyond(body, front[first].point, -first_way, first);
+    const Vec3 after = beyond(body, front[end - 1].point, last_way, front.size() - end);
+    for (std::vector<Vec3>* line : {&from, &to}) {
+      line->insert(line->begin(), line->front() + before);
+      line->push_back(line->back() + after);
+    }
+    cut.strip.sweep(from, to);
     note(cut.of_blade[i].extend(body.model, body.state, cut.work, cut.strip, cut.change));
     for (std::size_t k = first; k < end; ++k) {
       front[k].cut_to = front[k].point.rest;
