@@ -74,7 +74,7 @@ class Frames {
     std::vector<VtkBody> bodies;
     for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
       const Body& body = step.world.bodies()[b];
-      VtkBody out{scene_.bodies[b].name, &scene_.bodies[b].mesh, {}, {}};
+      VtkBody out{scene_.bodies[b].name, &body.model.mesh, {}, {}};  // which cuts change
       if (body.deformable) {
         out.nodes = body.state.x;
         out.alive = body.state.alive;

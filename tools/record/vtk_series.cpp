@@ -131,8 +131,10 @@ void VtkSeries::part(int index, const std::string& file) {
 void VtkSeries::add_body(std::size_t b, const VtkBody& body) {
   const bool still = body.nodes.empty();
   std::vector<int> living, gone;
-  for (std::size_t e = 0; e < body.mesh->tets.size(); ++e)
+  for (std::size_t e = 0; e < body.mesh->tets.size(); ++e) {
+    if (body.mesh->tets[e] == no_tet) continue;
     (body.alive.empty() || body.alive[e] ? living : gone).push_back(static_cast<int>(e));
+  }
   if (!still || still_file_[b].empty()) {
     const std::string file = numbered(body.name, frames_, ".vtu");
     write_file((directory_ / file).string(),

@@ -195,7 +195,7 @@ TEST_F(SceneInstruments, ABladeIsAnEdgeOnTissueThatHasAToughness) {
     expect_fault_in(with_blade, old, replacement, key, words,
                     1 + static_cast<int>(std::count(text.begin(), end, '\n')));
   };
-  expect("    max_new_nodes: 500\n", "", "toughness: 120", "bodies[0].max_new_nodes", "missing");
+  expect("    max_new_nodes: 500\n", "", "  - name:", "bodies[0].max_new_nodes", "missing");
   expect("    toughness: 120\n", "", "max_new_nodes", "bodies[0].max_new_nodes", "needs a toughness");
   expect("toughness: 120", "toughness: 0", "toughness", "bodies[0].toughness", "above 0");
   expect("    toughness: 120\n    max_new_nodes: 500\n", "", "blade:", "instruments[1].blade", "no body can be cut");
