@@ -38,7 +38,7 @@ BladeDraw draw_blade(double h, int cells) {
                      true,
                      box_mesh({block_x, block_y, block_z}, static_cast<int>(std::lround(block_x / cell)),
                               static_cast<int>(std::lround(block_y / cell)), cells, 5),
-                     {5000, 0.4, 1000, 5, 0.002},
+                     {20000, 0.4, 1000, 5, 0.002},
                      {},
                      0,
                      false};

@@ -93,7 +93,7 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
   std::vector<TearingBeam> beams;
   {
     Progress progress("chart");
-    cost = chart_cut_cost(read_lens(options.lens, {options.count, 3 * options.count}), options.count, 0.02,
+    cost = chart_cut_cost(read_lens(options.lens, {4 * options.count, 3 * options.count}), options.count, 0.02,
                           [&](double fraction) {
                             progress.show(0.4 * fraction, "cuts of the " + options.lens + " lens");
                             return !interrupted();

@@ -187,7 +187,7 @@ CutCostFigures chart_cut_cost(TissueModel model_with_room, int count, double h,
     const Vec3 middle = (X[f[0]] + X[f[1]] + X[f[2]]) / 3;
     const Vec3 normal = (X[f[1]] - X[f[0]]).cross(X[f[2]] - X[f[0]]).normalized();
     const int plane = planes.of(middle.z());
-    if (std::abs(normal.z()) < 0.8 || std::abs(middle.z() - planes.middle(plane)) > 0.25 * planes.distance)
+    if (std::abs(normal.z()) < 0.5 || std::abs(middle.z() - planes.middle(plane)) > 0.5 * planes.distance)
       continue;
     faces.push_back({{plane, middle.x(), middle}, id});
   }
