@@ -140,8 +140,10 @@ struct Probe<3> {
   }
 };
 
-double entry(double w, int) noexcept { return w; }
-double entry(Lanes w, int r) noexcept { return w[r]; }
+void set_column(Eigen::Matrix<double, 1, 1>& block, int, double w) noexcept { block(0, 0) = w; }
+void set_column(Mat3& block, int c, Lanes w) noexcept {
+  for (int r = 0; r < 3; ++r) block(r, c) = w[r];
+}
 
 // What the couplings of two rows' instruments have in common: B, in the rows' frames.
 Mat3 coupling(const EachInstrument<Vec6>& K_inv_diag, const ContactRow& i, const ContactRow& j) noexcept {
@@ -199,13 +201,15 @@ void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv
           W.template block<m, m>(m * j, m * j).diagonal().array() += rigid_compliance * B.trace() / 3;
         continue;
       }
+      const bool one_instrument = row.instrument == of.instrument;
       const auto fill = [&](const auto& sample) {
-        for (int c = 0; c < m; ++c) {
-          const auto w = row.instrument == of.instrument ? probe[i](panel, sample, c)
-                                                         : probe[i].tissue(panel, sample, c);
-          for (int r = i == j ? c : 0; r < m; ++r)
-            W(m * i + r, m * j + c) = W(m * j + c, m * i + r) = entry(w, r);
-        }
+        Eigen::Matrix<double, m, m> w;
+        for (int c = 0; c < m; ++c)
+          set_column(w, c,
+                     one_instrument ? probe[i](panel, sample, c) : probe[i].tissue(panel, sample, c));
+        if (i == j) w.template triangularView<Eigen::StrictlyUpper>() = w.transpose();
+        W.template block<m, m>(m * i, m * j) = w;
+        W.template block<m, m>(m * j, m * i) = w.transpose();
       };
       if (row.edge < 0)
         fill(problem.sample[row.sample]);

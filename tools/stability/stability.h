@@ -39,7 +39,8 @@ struct StiffnessPoint {
 struct TwoHandsPoint {
   std::string body, other;  // what the other does
   int hand = 1;
-  Largest ours, wall;
+  Largest ours, wall;  // along a guide, as the wall
+  Largest free;        // ours without the guide; zero: not measured
 };
 
 struct StabilityChart {

@@ -177,15 +177,20 @@ nlohmann::ordered_json to_json(const CarveReport& r) {
 }
 
 nlohmann::ordered_json to_json(const TwoHandsPoint& p) {
-  return {{"body", p.body},
-          {"hand", p.hand},
-          {"other", p.other},
-          {"default_n_m", rounded(p.ours.steady, 1)},
-          {"default_passive_n_m", rounded(p.ours.passive, 1)},
-          {"wall_n_m", rounded(p.wall.steady, 1)},
-          {"wall_passive_n_m", rounded(p.wall.passive, 1)},
-          {"over_wall", rounded(p.ours.steady / p.wall.steady, 3)},
-          {"over_wall_passive", rounded(p.ours.passive / p.wall.passive, 3)}};
+  nlohmann::ordered_json j = {{"body", p.body},
+                              {"hand", p.hand},
+                              {"other", p.other},
+                              {"default_n_m", rounded(p.ours.steady, 1)},
+                              {"default_passive_n_m", rounded(p.ours.passive, 1)},
+                              {"wall_n_m", rounded(p.wall.steady, 1)},
+                              {"wall_passive_n_m", rounded(p.wall.passive, 1)},
+                              {"over_wall", rounded(p.ours.steady / p.wall.steady, 3)},
+                              {"over_wall_passive", rounded(p.ours.passive / p.wall.passive, 3)}};
+  if (p.free.steady > 0) {
+    j["free_n_m"] = rounded(p.free.steady, 1);
+    j["free_passive_n_m"] = rounded(p.free.passive, 1);
+  }
+  return j;
 }
 
 nlohmann::ordered_json to_json(const DdsPress& p) {
@@ -275,10 +280,14 @@ bool print(const StabilityChart& chart) {
                   static_cast<long long>(f.tick), f.what.c_str());
     all = all && r.faults.empty();
   }
-  for (const TwoHandsPoint& p : chart.two_hands)
-    std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f\n", p.body.c_str(),
+  for (const TwoHandsPoint& p : chart.two_hands) {
+    std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f", p.body.c_str(),
                 p.hand, p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(),
                 p.ours.steady / p.wall.steady, p.ours.passive / p.wall.passive);
+    if (p.free.steady > 0)
+      std::printf("; not guided %.2f %.2f", p.free.steady / p.wall.steady, p.free.passive / p.wall.passive);
+    std::printf("\n");
+  }
   for (const RandomReport& r : chart.random_two) all = print(r) && all;
   return all;
 }

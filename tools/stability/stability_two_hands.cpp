@@ -132,7 +132,7 @@ Largest best_wall(const StabilityBench& bench, const ClosedLoopSettings& s, doub
 
 bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress) {
   ClosedLoopSettings s = bench.press();
-  s.let_go = true;
+  s.let_go = s.guided = true;
   const double factor = std::pow(2, 0.0625);
   const int starts = quick ? 4 : 16;
   struct Row {
@@ -153,7 +153,8 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
   mode.plan.ours = "the daemon, two hands in one body";
   mode.plan.judged = "swing at rest beyond two quanta [µm], and energy made [µJ]";
   mode.plan.reason =
-      "four fifths of an ideal 1 kHz wall on the same device, by swing and by energy, in every row";
+      "four fifths of an ideal 1 kHz wall on the same device, guided along the press as a wall guides it, by "
+      "swing and by energy, in every row";
   mode.plan.last_sound = true;
   const Largest wall = best_wall(bench, s, factor, starts, quick);
   mode.plan.required = 0.8 * wall.steady;
@@ -172,7 +173,11 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
     p.other = names[static_cast<int>(row.other)];
     p.hand = row.hand + 1;
     p.wall = wall;
-    p.ours = Hands{two_hands_scene(bench.scene(), *row.body), row.hand, row.other}.largest(s, factor, starts);
+    const Hands hands{two_hands_scene(bench.scene(), *row.body), row.hand, row.other};
+    p.ours = hands.largest(s, factor, starts);
+    ClosedLoopSettings free = s;
+    free.guided = false;
+    if (row.body == &bodies[0] && row.hand == 0) p.free = hands.largest(free, factor, starts);
     mode.survives =
         mode.survives && p.ours.steady >= 0.8 * wall.steady && p.ours.passive >= 0.8 * wall.passive;
     mode.default_breaks_at = std::min(mode.default_breaks_at, p.ours.steady);

@@ -1,6 +1,9 @@
 // Each of two hands in one body: the largest stiffness it is displayed soundly, whatever the other does
 // meanwhile.
 //
+// A wall has no sides to slide to; a ball on the samples of a face does, and a hand then holds it by its grip
+// alone. So the hand that is judged presses along a guide, as on a stage that measures stiffness; without the
+// guide it is charted beside, for the first hand in the cube.
 // Both press the cube scene's ball, 10 mm apart, the second on a coupling half as stiff. The other holds its
 // device rigidly, 2 mm deep (`still`); pushes 0.75 mm to and fro at 10 Hz in the first half of each hold
 // (`pushes`); or its client dies in the second hold (`dies`); `alone`: there is no other. Displayed stiffness

@@ -18,8 +18,6 @@ TEST(Stability, QuickAtlas) {
             stability_mode_names().size());  // `random`, `carve` and `random two` have their own reports
   for (const StabilityMode& m : chart.modes) {
     EXPECT_GT(m.naive_breaks_at, 0) << m.mode;
-    if (m.mode == "two hands")
-      continue;  // four fifths of a wall are not met beside another hand: tools/MEASURED.md
     EXPECT_TRUE(m.survives) << m.mode << ": broke at " << m.default_breaks_at;
   }
   ASSERT_EQ(chart.random.size(), 2u);

@@ -138,7 +138,8 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
     for (int k = 0; k < s.substeps; ++k) {
       const double part = static_cast<double>(k) / s.substeps;
       const std::int64_t now = ns + static_cast<std::int64_t>(1e6 * part);
-      const Vec3 force = saturated(delay.at(now), s.hand.saturation);
+      const Vec3 pushed = saturated(delay.at(now), s.hand.saturation);
+      const Vec3 force = s.guided ? Vec3(pushed.dot(s.press.direction) * s.press.direction) : pushed;
       const Vec3 torque = s.turning ? saturated(torque_delay.at(now), s.turning->saturation) : Vec3::Zero();
       const Vec3 x = hand.x, angle = turn.x;
       hand = advanced(s.hand, hand, target(s, std::max(0.0, t + tick_s * part)), force, h);

@@ -34,6 +34,7 @@ struct ClosedLoopSettings {
   double deeper = 0.3e-3;            // [m]
   Quat orientation = Quat::Identity();
   bool let_go = false;
+  bool guided = false;  // on a linear stage along the press: forces aside are the stage's
   double arm = 0.2;  // the first pose is held so long before the press [s]
   int substeps = 10;
   std::optional<HandSettings> turning;
