@@ -177,7 +177,7 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
     p.ours = hands.largest(s, factor, starts);
     ClosedLoopSettings free = s;
     free.guided = false;
-    if (row.body == &bodies[0] && row.hand == 0) p.free = hands.largest(free, factor, starts);
+    if (!quick && row.body == &bodies[0] && row.hand == 0) p.free = hands.largest(free, factor, starts);
     mode.survives =
         mode.survives && p.ours.steady >= 0.8 * wall.steady && p.ours.passive >= 0.8 * wall.passive;
     mode.default_breaks_at = std::min(mode.default_breaks_at, p.ours.steady);
