@@ -1,6 +1,7 @@
 #include "physics/contact/delassus.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <type_traits>
 
 namespace hapticd {
@@ -16,12 +17,29 @@ Lanes lanes(const Vec3& v) noexcept { return Lanes{v[0], v[1], v[2], 0}; }
 // Not by reference: clang believes what one refers to to be aligned to 32. Nor by memcpy: with GCC the
 // assembly of W takes three times as long.
 Lanes load(const double* p) noexcept { return *reinterpret_cast<const Lanes*>(p); }
+void store(double* p, Lanes v) noexcept { *reinterpret_cast<Lanes*>(p) = v; }
 
-// Column panel of one contact: how nodes and instrument move per unit of its force in each frame direction.
+// Nodes that rows stand on, ascending.
+struct NodesInUse {
+  int count = 0;
+  std::array<std::int32_t, max_patch_nodes> node;
+
+  NodesInUse(const CondensedProblem& problem, const ContactRows& rows) noexcept {
+    std::array<bool, max_patch_nodes> used{};
+    for (int i = 0; i < rows.contacts; ++i)
+      for (const std::int32_t n : node_weights(problem, rows.row[i]).node) used[n] = true;
+    for (int n = 0; n < problem.nodes; ++n)
+      if (used[n]) node[count++] = n;
+  }
+};
+
+// Column panel of one contact: how the nodes in use and its instrument move per unit of its force in each
+// frame direction.
 template <int columns>
 class Panel {
  public:
-  void fill(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row) noexcept {
+  void fill(const CondensedProblem& problem, const NodesInUse& used, const Vec6& K_inv_diag,
+            const ContactRow& row) noexcept {
     deforms_ = !node_weights(problem, row).node.empty();
     for (int c = 0; c < columns; ++c) {
       const Vec3 f = row.frame.col(c);
@@ -30,9 +48,9 @@ class Panel {
     }
     if (!deforms_) return;
     if (row.edge < 0)
-      fill_nodes(problem, problem.sample[row.sample], row.frame);
+      fill_nodes(problem, used, problem.sample[row.sample], row.frame);
     else
-      fill_nodes(problem, problem.edge[row.edge], row.frame);
+      fill_nodes(problem, used, problem.edge[row.edge], row.frame);
   }
 
   // Displacement of another contact's point per unit of this one's force in direction c: G f.
@@ -52,36 +70,29 @@ class Panel {
   const Vec3& turn(int c) const noexcept { return turn_[c]; }
 
  private:
-  // One pass over the nine columns of C; the loop is written for the vectoriser.
   template <typename Sample>
-  void fill_nodes(const CondensedProblem& problem, const Sample& s, const Mat3& frame) noexcept {
-    constexpr bool four = std::is_same_v<Sample, EdgeSample>;
+  void fill_nodes(const CondensedProblem& problem, const NodesInUse& used, const Sample& s,
+                  const Mat3& frame) noexcept {
+    constexpr int corners = std::is_same_v<Sample, EdgeSample> ? 4 : 3;
     const int size = 3 * problem.nodes;
-    const double* __restrict C0 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[0]) * size;
-    const double* __restrict C1 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[1]) * size;
-    const double* __restrict C2 = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[2]) * size;
-    const double* __restrict C3 =
-        problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[four ? 3 : 0]) * size;
-    const double w0 = s.weight[0], w1 = s.weight[1], w2 = s.weight[2], w3 = s.weight[four ? 3 : 0];
-    const Mat3 f = frame;
-    double* __restrict out0 = node_[0].data();
-    double* __restrict out1 = node_[columns > 1 ? 1 : 0].data();
-    double* __restrict out2 = node_[columns > 1 ? 2 : 0].data();
-    for (int k = 0; k < size; ++k) {
-      double x = w0 * C0[k] + w1 * C1[k] + w2 * C2[k];
-      double y = w0 * C0[size + k] + w1 * C1[size + k] + w2 * C2[size + k];
-      double z = w0 * C0[2 * size + k] + w1 * C1[2 * size + k] + w2 * C2[2 * size + k];
-      if constexpr (four) {
-        x += w3 * C3[k];
-        y += w3 * C3[size + k];
-        z += w3 * C3[2 * size + k];
-      }
-      out0[k] = f(0, 0) * x + f(1, 0) * y + f(2, 0) * z;
-      if constexpr (columns > 1) {
-        out1[k] = f(0, 1) * x + f(1, 1) * y + f(2, 1) * z;
-        out2[k] = f(0, 2) * x + f(1, 2) * y + f(2, 2) * z;
-      }
+    const double* C[corners];
+    double weight[corners];
+    for (int a = 0; a < corners; ++a) {
+      C[a] = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[a]) * size;
+      weight[a] = s.weight[a];
     }
+    const auto fill_node = [&](int n, const auto& at) noexcept {
+      Lanes moved[3]{};  // per unit of force along each axis of space
+      for (int k = 0; k < 3; ++k)
+        for (int a = 0; a < corners; ++a) moved[k] += weight[a] * at(C[a] + k * size + 3 * n);
+      for (int c = 0; c < columns; ++c)
+        store(node_[c].data() + 3 * n,
+              frame(0, c) * moved[0] + frame(1, c) * moved[1] + frame(2, c) * moved[2]);
+    };
+    for (int k = 0; k + 1 < used.count; ++k) fill_node(used.node[k], load);
+    // What is behind the last node may not be C's.
+    if (used.count > 0)
+      fill_node(used.node[used.count - 1], [](const double* p) noexcept { return Lanes{p[0], p[1], p[2], 0}; });
   }
 
   bool deforms_ = false;
@@ -184,12 +195,13 @@ template <int m>
 void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
               ContactRows& rows) noexcept {
   auto W = rows.W();
+  const NodesInUse used(problem, rows);
   Panel<m> panel;
   std::array<Probe<m>, max_contacts> probe;
   for (int i = 0; i < rows.contacts; ++i) probe[i] = Probe<m>(rows.row[i]);
   for (int j = 0; j < rows.contacts; ++j) {
     const ContactRow& of = rows.row[j];
-    panel.fill(problem, K_inv_diag[of.instrument], of);
+    panel.fill(problem, used, K_inv_diag[of.instrument], of);
     for (int i = j; i < rows.contacts; ++i) {
       const ContactRow& row = rows.row[i];
       if (row.other >= 0 || of.other >= 0) {

@@ -17,10 +17,11 @@ void add_force(const NodeWeights& at, const Vec3& force, NodeForces& f) noexcept
 void apply_compliance(const CondensedProblem& problem, const NodeForces& f, PatchPositions& x) noexcept {
   const int size = 3 * problem.nodes;
   NodeForces u{};
-  for (int j = 0; j < size; ++j) {
-    if (f[j] == 0) continue;
-    const double* column = problem.C_pp.data() + static_cast<std::ptrdiff_t>(j) * size;
-    for (int i = 0; i < size; ++i) u[i] += f[j] * column[i];
+  for (int j = 0; j < size; j += 3) {
+    if (f[j] == 0 && f[j + 1] == 0 && f[j + 2] == 0) continue;
+    const double* C = problem.C_pp.data() + static_cast<std::ptrdiff_t>(j) * size;
+    for (int i = 0; i < size; ++i)
+      u[i] = u[i] + f[j] * C[i] + f[j + 1] * C[size + i] + f[j + 2] * C[2 * size + i];
   }
   for (int a = 0; a < problem.nodes; ++a)
     x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
