@@ -47,6 +47,7 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
                                    report.contact.residual, report.contact.active, true});
     if (progress && !progress(static_cast<double>(i + 1) / steps)) break;
   }
+  result.cut_area = world->cutting().area();
   return result;
 }
 

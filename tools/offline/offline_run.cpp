@@ -138,6 +138,7 @@ class Run {
   }
 
   int count() const { return static_cast<int>(shapes_.size()); }
+  const World& world() const { return daemon_->world(); }
 
  private:
   void before(StepAction action, std::int64_t ns) {
@@ -282,6 +283,7 @@ OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const O
     for (int k = 0; i >= settle && k < run.count(); ++k) result.hands[k].push_back(out[k]);
     if (progress && !progress(static_cast<double>(i + 1) / ticks)) break;
   }
+  result.cut_area = run.world().cutting().area();
   return result;
 }
 

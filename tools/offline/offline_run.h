@@ -101,6 +101,7 @@ struct OfflineResult {
   ThreadCost interim;  // of steps that remove something, from their begin until the interim problem is there
   std::size_t memory_bytes = 0;  // largest: compliances, problems and the haptic loop's scratch
   int removed = 0;
+  double cut_area = 0;      // that blades separated, in the rest shape [m²]
   int inverted = 0;         // tetrahedra that were inverted after some step, largest number at a time
   int dropped_samples = 0;  // largest
   int uncovered_nodes = 0;  // of patches, outside their compliance's zone; in all steps together

@@ -50,7 +50,8 @@ std::string to_csv(const OfflineResult& r) {
                                    [](const std::vector<OfflineTick>& ticks) { return !ticks.empty(); });
   csv.precision(17);
   csv << r.removed << ',' << r.inverted << ',' << r.capped << ',' << r.dropped_samples << ','
-      << r.memory_bytes << ',' << r.simulation.total << ',' << hands << ',' << r.ticks().size() << '\n';
+      << r.memory_bytes << ',' << r.simulation.total << ',' << hands << ',' << r.ticks().size() << ','
+      << r.cut_area << '\n';
   for (int i = 0; i < hands; ++i)
     for (const OfflineTick& t : r.hands[i]) {
       csv << t.t;
@@ -71,7 +72,7 @@ bool read(const std::filesystem::path& file, OfflineResult& r) {
   std::ifstream in(file);
   std::string line;
   std::vector<double> v;
-  if (!in || !std::getline(in, line) || !parse(line, v, 8)) return false;
+  if (!in || !std::getline(in, line) || !parse(line, v, 9)) return false;
   r.removed = static_cast<int>(v[0]);
   r.inverted = static_cast<int>(v[1]);
   r.capped = static_cast<int>(v[2]);
@@ -80,6 +81,7 @@ bool read(const std::filesystem::path& file, OfflineResult& r) {
   r.simulation.total = v[5];
   const auto hands = static_cast<int>(v[6]);
   const auto count = static_cast<std::size_t>(v[7]);
+  r.cut_area = v[8];
   std::size_t lines = 0;
   if (hands < 1 || hands > max_instruments) return false;
   for (; std::getline(in, line) && lines < hands * count; ++lines) {
@@ -108,9 +110,11 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
     for (const Tet& t : b.mesh.tets) hash.bytes(t.data(), sizeof t);
     for (const int n : b.fixed_nodes) hash.number(n);
     for (const double x : {b.material.young, b.material.poisson, b.material.density, b.material.rayleigh_mass,
-                           b.material.rayleigh_stiffness, b.friction})
+                           b.material.rayleigh_stiffness, b.friction, b.toughness, b.tearing.toughness,
+                           b.tearing.radius})
       hash.number(x);
     hash.number(b.corotational);
+    hash.number(b.max_new_nodes);
   }
   for (const ContactPair& p : scene.contacts) {
     hash.number(p.points);
@@ -125,6 +129,9 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
       hash.pose(p.placement);
       for (const Vec3& v : p.vertices) hash.vector(v);
     }
+    for (const Vec3& p : held.shape.blade.edge) hash.vector(p);
+    hash.vector(held.shape.blade.direction);
+    hash.number(held.shape.blade.sample.size());
     for (const double x :
          {held.coupling.stiffness, held.coupling.rotational_stiffness, held.coupling.damping_time})
       hash.number(x);

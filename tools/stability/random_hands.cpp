@@ -4,38 +4,39 @@
 #include <cmath>
 #include <memory>
 
+#include "physics/cutting/mesh_check.h"
 #include "tools/client/hand_model.h"
 #include "tools/stability/bench/episodes.h"
 #include "tools/stability/bench/hands_daemon.h"
-#include "tools/stability/bench/stray.h"
 
 namespace hapticd {
 namespace {
 
 constexpr double tick_s = 1e-3;
 constexpr int substeps = 4;
-constexpr double peak_speed = 80e-3;  // of a tip in the scene: 4 mm in 100 ms, minimum jerk [m/s]
+constexpr int mesh_checked = 100;  // steps between
 
-Scene with_hands(Scene scene, int hands) {
-  scene.instruments.resize(static_cast<std::size_t>(hands));
+Scene with_hands(Scene scene, std::size_t hands) {
+  scene.instruments.resize(hands);
   return scene;
 }
 
 class Episode {
  public:
-  Episode(const Scene& scene, int hands, const RandomSettings& settings, std::uint64_t seed,
-          RandomReport& report)
-      : scene_(with_hands(scene, hands)),
+  Episode(const Scene& scene, const std::vector<StrayingHand>& hands, const RandomSettings& settings,
+          std::uint64_t seed, RandomReport& report)
+      : scene_(with_hands(scene, hands.size())),
         seed_(seed),
         report_(report),
-        daemon_(scene_, settings.passivity_control),
-        watch_(scene_, daemon_.world().bodies(), peak_speed) {
-    for (int i = 0; i < hands; ++i) {
-      hand_.emplace_back(seed + 1'000'003 * static_cast<std::uint64_t>(i),
-                         over_lens(-1.5e-3 * i, -0.6e-3, -0.5e-3));
+        daemon_(scene_, settings.passivity_control, 1,
+                [this] { watch_.begin_step(daemon_.world().bodies()); }),
+        watch_(scene_, daemon_.world().bodies(), hands.front().peak_speed),
+        nodes_(nodes_in_use()) {
+    for (int i = 0; i < static_cast<int>(hands.size()); ++i) {
+      hand_.emplace_back(seed + 1'000'003 * static_cast<std::uint64_t>(i), hands[static_cast<std::size_t>(i)]);
       connected_[i] = true;
-      hand_.back().turned = on_device(i, hand_.back().stray.tip()).q;
-      hand_.back().state.x = hand_.back().before = on_device(i, hand_.back().stray.tip()).p;
+      hand_.back().turned = on_device(i).q;
+      hand_.back().state.x = hand_.back().before = on_device(i).p;
     }
   }
 
@@ -45,11 +46,11 @@ class Episode {
     std::vector<HandTarget> target;
     for (int i = 0; i < hands(); ++i) {
       Hand& hand = hand_[static_cast<std::size_t>(i)];
-      const Pose there = on_device(i, hand.stray.tip());
+      const Pose there = on_device(i);
       const bool lost = hand.stray.lost();
       sample[i].buttons = hand.stray.buttons();
       hand.stray.advance();
-      target.push_back({there.p, (on_device(i, hand.stray.tip()).p - there.p) / tick_s});
+      target.push_back({there.p, (on_device(i).p - there.p) / tick_s});
       sample[i].sequence = static_cast<std::uint64_t>(k) + 1;
       sample[i].pose = {quantised(hand.state.x, settings(i).quantum), there.q};
       sample[i].enable = enables(k, hand.last);
@@ -74,9 +75,14 @@ class Episode {
     if (++ticks_of_step_ != looked_at) return;
     if (const auto broken = judge(watch_.look(daemon_.world().bodies()), watch_.bounds(), report_))
       fault(k, *broken);
+    if (report_.steps % mesh_checked == 0) check_meshes(k);
   }
 
   void finish() {
+    check_meshes(report_.ticks);
+    report_.cut_area = daemon_.world().cutting().area();
+    report_.nodes_added = nodes_in_use() - nodes_;
+    report_.out_of_room = daemon_.world().cutting().out_of_room();
     report_.made = report_.made_by_episode = -least_;
     report_.made_by_force = -least_by_force_;
     report_.absorbed = energy_;
@@ -85,8 +91,9 @@ class Episode {
 
  private:
   struct Hand {
-    Hand(std::uint64_t seed, const Vec3& begin) : stray(seed, begin) {}
+    Hand(std::uint64_t seed, const StrayingHand& kind) : stray(seed, kind), at(kind.turned) {}
     Stray stray;
+    std::function<Quat(const StrayPlace&)> at;
     HandState state;
     Vec3 before = Vec3::Zero();
     Quat turned = Quat::Identity();
@@ -101,8 +108,28 @@ class Episode {
     hand.saturation = device(i).max_force;
     return hand;
   }
-  Pose on_device(int i, const Vec3& tip) const {
-    return to_device(device(i), {tip, i == 0 ? through_incision(tip) : through_side_port(tip)});
+  // Where a hand is led to.
+  Pose on_device(int i) const {
+    const Hand& hand = hand_[static_cast<std::size_t>(i)];
+    const StrayPlace place = hand.stray.place();
+    return to_device(device(i), {place.tip, hand.at(place)});
+  }
+
+  int nodes_in_use() const {
+    int nodes = 0;
+    for (const Body& b : daemon_.world().bodies()) nodes += b.model.nodes_in_use;
+    return nodes;
+  }
+
+  // Of bodies that a blade cuts.
+  void check_meshes(std::int64_t k) {
+    for (const Body& b : daemon_.world().bodies()) {
+      if (!(b.toughness > 0)) continue;
+      TissueModel model = b.model;
+      CutWorkspace work(model);
+      const std::string wrong = check_mesh(model, b.state, work, &b.surface);
+      if (!wrong.empty()) fault(k, "the mesh: " + wrong);
+    }
   }
 
   void move(int i, const HandTarget& target, const ForceSample& answer) {
@@ -118,7 +145,7 @@ class Episode {
     report_.controlled_force_rms += rendered.controlled.squaredNorm();
     report_.controlled_work -= rendered.controlled.dot(moved);
     const Vec3 torque = rendered.render == Render::zero ? Vec3(Vec3::Zero()) : rendered.rendered.torque;
-    const Quat turned = on_device(i, hand.stray.tip()).q;
+    const Quat turned = on_device(i).q;
     energy_ -= torque.dot(difference(Pose{Vec3::Zero(), turned}, Pose{Vec3::Zero(), hand.turned}).tail<3>());
     hand.turned = turned;
     hand.before = hand.state.x;
@@ -146,6 +173,7 @@ class Episode {
   HandsDaemon daemon_;
   TissueWatch watch_;
   std::vector<Hand> hand_;
+  const int nodes_;
   EachInstrument<bool> connected_;
   double energy_ = 0, least_ = 0, energy_by_force_ = 0, least_by_force_ = 0;
   std::uint64_t steps_ = 0;
@@ -154,6 +182,9 @@ class Episode {
 
 void add(const RandomReport& part, RandomReport& sum) {
   add(static_cast<const TrialTally&>(part), static_cast<TrialTally&>(sum));
+  sum.cut_area += part.cut_area;
+  sum.nodes_added += part.nodes_added;
+  sum.out_of_room += part.out_of_room;
   sum.both_in_contact += part.both_in_contact;
   sum.touching += part.touching;
   sum.made = std::max(sum.made, part.made);
@@ -169,7 +200,8 @@ void add(const RandomReport& part, RandomReport& sum) {
 
 }  // namespace
 
-RandomReport run_random(const Scene& scene, int hands, const RandomSettings& settings,
+RandomReport run_random(const Scene& scene, const std::vector<StrayingHand>& hands,
+                        const RandomSettings& settings,
                         const std::function<bool(double)>& progress) {
   const auto run = [&](std::uint64_t seed, std::int64_t ticks, RandomReport& part,
                        const std::function<bool(std::int64_t)>& done) {
@@ -183,7 +215,7 @@ RandomReport run_random(const Scene& scene, int hands, const RandomSettings& set
   const std::vector<RandomReport> parts =
       run_episodes<RandomReport>(settings.ticks, settings.episode, settings.seed, run, progress);
   RandomReport report;
-  report.hands = hands;
+  report.hands = static_cast<int>(hands.size());
   report.passivity_control = settings.passivity_control;
   for (const RandomReport& part : parts) add(part, report);
   if (!parts.empty()) report.made_by_episode /= static_cast<double>(parts.size());

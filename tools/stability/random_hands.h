@@ -1,12 +1,14 @@
-// One or several hands at random in one lens: each strays (stray.h), the first cuts, all lose states.
+// One or several hands at random in one tissue: each strays (stray.h) and loses states; a lens is sculpted by
+// the first, a block is cut by its blade.
 //
-// They meet tissue and one another anywhere. Watched: trial_tally.h; over all: the energy that the renderer
-// made, of all ports together, for the devices scale alike:
+// They meet tissue and one another anywhere. Watched: trial_tally.h; of a blade, that the mesh is valid
+// (mesh_check.h); over all: the energy that the renderer made, of all ports together, for the devices scale
+// alike:
 //   E = −Σ_i ∫ F_i·dx_i + τ_i·dθ_i,   made = −min E
 // A hand turns its stylus as it is told, through its port. The scenes' devices display no torque, but what
 // moves and turns an instrument puts in both, so that τ is the torque as rendered. `made_by_force` leaves the
 // turning out: it is what such a device lets the hand feel, and may be above zero of any spring that is
-// turned for nothing. A fresh lens every episode. Deterministic, on however many cores. Units: SI.
+// turned for nothing. Fresh tissue every episode. Deterministic, on however many cores. Units: SI.
 #pragma once
 
 #include <functional>
@@ -14,6 +16,7 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "tools/stability/bench/stray.h"
 #include "tools/stability/bench/trial_tally.h"
 
 namespace hapticd {
@@ -28,6 +31,9 @@ struct RandomSettings {
 struct RandomReport : TrialTally {
   int hands = 1;
   bool passivity_control = false;
+  double cut_area = 0;             // by blades [m²]
+  int nodes_added = 0;             // … by cuts, all episodes
+  int out_of_room = 0;             // episodes that ended without room for more
   std::int64_t both_in_contact = 0, touching = 0;  // ticks
   double made = 0;                                 // largest of the episodes' [J]
   double made_by_episode = 0;                      // … their mean [J]
@@ -41,7 +47,8 @@ struct RandomReport : TrialTally {
 };
 
 // hands: of the scene's instruments the first so many. `progress(fraction)` returns false to stop.
-RandomReport run_random(const Scene& scene, int hands, const RandomSettings& settings,
+RandomReport run_random(const Scene& scene, const std::vector<StrayingHand>& hands,
+                        const RandomSettings& settings,
                         const std::function<bool(double)>& progress);
 
 }  // namespace hapticd

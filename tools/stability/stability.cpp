@@ -89,12 +89,12 @@ bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityCh
   random.seed = settings.random_seed;
   random.passivity_control = true;
   bool on = true;
-  chart.random.push_back(run_random(cataract, 1, random, [&](double f) { return on = progress(0.9 * f); }));
+  chart.random.push_back(run_random(cataract, lens_hands(1), random, [&](double f) { return on = progress(0.9 * f); }));
   if (!on) return false;
   random.passivity_control = false;  // a tenth of it, for comparison
   random.ticks /= 10;
   chart.random.push_back(
-      run_random(cataract, 1, random, [&](double f) { return on = progress(0.9 + 0.1 * f); }));
+      run_random(cataract, lens_hands(1), random, [&](double f) { return on = progress(0.9 + 0.1 * f); }));
   return on;
 }
 
@@ -120,10 +120,24 @@ bool strayed_together(const char*, StabilityBench&, const Settings& settings, St
   for (const int hands : {2, 1}) {
     const double from = hands == 2 ? 0 : 0.7;
     chart.random_two.push_back(run_random(
-        scene, hands, random, [&](double f) { return on = progress(from + (hands == 2 ? 0.7 : 0.3) * f); }));
+        scene, lens_hands(hands), random, [&](double f) { return on = progress(from + (hands == 2 ? 0.7 : 0.3) * f); }));
     if (!on) return false;
   }
   return true;
+}
+
+bool strayed_with_a_blade(const char*, StabilityBench&, const Settings& settings, StabilityChart& chart,
+                          const ModeProgress& progress) {
+  Scene scene = read_scene(config_directory() / "scenes/incision/incision.yaml");
+  scene.first().device.force_scale = 4;  // a cut of the whole edge is felt with 0.16 N
+  RandomSettings random;
+  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 2000 : 1'000'000;
+  random.episode = 8'000;
+  random.seed = settings.random_seed;
+  bool on = true;
+  chart.random_cuts.push_back(
+      run_random(scene, {blade_hand()}, random, [&](double f) { return on = progress(f); }));
+  return on;
 }
 
 struct Entry {
@@ -147,6 +161,10 @@ constexpr Entry entries[] = {
     {"slender body under its weight", swept<plan_slender>, 10},
     {"pressed and let go", swept<plan_let_go>, 10},
     {"remnant on few nodes", swept<plan_remnant>, 30},
+    {"blade below its limit", swept<plan_blade_below>, 2},
+    {"blade at its limit", swept<plan_blade_at>, 2},
+    {"burst through", swept<plan_burst>, 3},
+    {"cut to the last bridge", swept<plan_bridge>, 20},
     {"fast stroke", swept<plan_fast_stroke>, 1},
     {"packet loss", swept<plan_packet_loss>, 1},
     {"random loss", swept<plan_random_loss>, 1},
@@ -162,6 +180,7 @@ constexpr Entry entries[] = {
     {"random", strayed, 50},
     {"carve", carved, 50},
     {"random two", strayed_together, 100},
+    {"random cuts", strayed_with_a_blade, 100},
 };
 
 }  // namespace
@@ -228,6 +247,7 @@ StabilityChart chart_stability(const Scene& cube, const StabilitySettings& setti
     join(chart.carve, part.carve);
     join(chart.two_hands, part.two_hands);
     join(chart.random_two, part.random_two);
+    join(chart.random_cuts, part.random_cuts);
   }
   return chart;
 }

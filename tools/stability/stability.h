@@ -51,12 +51,13 @@ struct StabilityChart {
   std::vector<CarveReport> carve;
   std::vector<TwoHandsPoint> two_hands;
   std::vector<RandomReport> random_two;  // two hands, then the first of them alone
+  std::vector<RandomReport> random_cuts;
 };
 
 struct StabilitySettings {
   bool quick = false;
   std::vector<std::string> only;  // modes by name; empty: all
-  std::int64_t random_ticks = 0;  // of modes `random`, `carve` and `random two`; 0: 10⁶, quick 5000
+  std::int64_t random_ticks = 0;  // of the modes at random; 0: 10⁶, quick 5000
   std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
 };
 

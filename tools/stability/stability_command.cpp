@@ -148,6 +148,12 @@ nlohmann::ordered_json to_json(const TrialTally& r) {
 nlohmann::ordered_json to_json(const RandomReport& r) {
   nlohmann::ordered_json j = to_json(static_cast<const TrialTally&>(r));
   j["hands"] = r.hands;
+  if (r.cut_area > 0) {
+    j["split_gained_j"] = r.split;
+    j["cut_area_mm2"] = rounded(1e6 * r.cut_area, 3);
+    j["nodes_added"] = r.nodes_added;
+    j["episodes_out_of_room"] = r.out_of_room;
+  }
   j["passivity_control"] = r.passivity_control;
   j["both_in_contact"] = r.both_in_contact;
   j["touching"] = r.touching;
@@ -217,6 +223,7 @@ nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
   for (const CarveReport& r : chart.carve) json["carve"].push_back(to_json(r));
   for (const TwoHandsPoint& p : chart.two_hands) json["two_hands"].push_back(to_json(p));
   for (const RandomReport& r : chart.random_two) json["random_two"].push_back(to_json(r));
+  for (const RandomReport& r : chart.random_cuts) json["random_cuts"].push_back(to_json(r));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   return json;
@@ -250,6 +257,9 @@ bool print(const RandomReport& r) {
       static_cast<long long>(r.touching), r.removed, r.force_max, r.device_max, 1e3 * r.made,
       1e3 * r.made_by_episode, 1e3 * r.made_by_force, 1e3 * r.farthest, 1e3 * r.farthest_allowed,
       1e3 * r.fastest, 1e3 * r.fastest_allowed, r.gained, r.energy, r.faults.empty() ? "sound" : "UNSOUND");
+  if (r.cut_area > 0)
+    std::printf("  a blade cut %.1f mm², %d nodes added, %d episodes out of room, cuts gained %.2g J\n",
+                1e6 * r.cut_area, r.nodes_added, r.out_of_room, r.split);
   for (const std::string& f : r.faults) std::printf("  %s\n", f.c_str());
   return r.faults.empty();
 }
@@ -289,6 +299,7 @@ bool print(const StabilityChart& chart) {
     std::printf("\n");
   }
   for (const RandomReport& r : chart.random_two) all = print(r) && all;
+  for (const RandomReport& r : chart.random_cuts) all = print(r) && all;
   return all;
 }
 
@@ -349,10 +360,11 @@ Command add_stability(CLI::App& application) {
   app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
   app->add_option("--ticks", options->settings.random_ticks,
-                  "of random, carve and random two, default a million")
+                  "of random, carve, random two and random cuts, default a million")
       ->check(CLI::PositiveNumber);
   app->add_option("--seed", options->settings.random_seed,
-                  "of the first episode of random (40 000 ticks) and carve (100 000); the next has the next")
+                  "of the first episode of random (40 000 ticks), carve (100 000) and random cuts (8 000); the next has "
+      "the next")
       ->check(CLI::PositiveNumber);
   app->footer(
       "Exit code 1 where the daemon breaks within what is required of it.\n"

@@ -45,19 +45,6 @@ std::string name_of(const Way& way) {
   return text;
 }
 
-// A body, what holds it and what happens to it before it is left alone.
-struct Setup {
-  TetMesh mesh;
-  std::vector<int> fixed;
-  Vec3 gravity = Vec3::Zero();
-  // The instrument at a time; not present when it is gone.
-  std::function<InstrumentSample(double)> hand = [](double) { return InstrumentSample{}; };
-  // What goes at a time since the last step.
-  std::function<std::vector<int>(double from, double to)> removed = [](double, double) {
-    return std::vector<int>{};
-  };
-};
-
 Instrument ball(double radius) {
   Primitive tip;
   tip.shape = Shape::sphere;
@@ -66,6 +53,22 @@ Instrument ball(double radius) {
   instrument.primitives = {tip};
   return instrument;
 }
+
+// A body, what holds it and what happens to it before it is left alone.
+struct Setup {
+  TetMesh mesh;
+  std::vector<int> fixed;
+  Vec3 gravity = Vec3::Zero();
+  Instrument instrument = ball(4e-3);
+  double toughness = 0;  // over Young's modulus [m]
+  int new_nodes = 0;
+  // The instrument at a time; not present when it is gone.
+  std::function<InstrumentSample(double)> hand = [](double) { return InstrumentSample{}; };
+  // What goes at a time since the last step.
+  std::function<std::vector<int>(double from, double to)> removed = [](double, double) {
+    return std::vector<int>{};
+  };
+};
 
 // H = kinetic + elastic + potential [J]
 double energy_of(const Body& body) {
@@ -88,7 +91,9 @@ StabilityTrial left_alone(const Setup& setup, double young, const Way& way, bool
   settings.keeps_energy = keeps_energy;
   BodySettings b{"body", true, setup.mesh, {young, way.poisson, 1000, 2, 0.002}, setup.fixed, 0, true};
   b.material.law = way.law;
-  World world({std::move(b)}, ball(4e-3), settings);
+  b.toughness = setup.toughness * young;
+  b.room = {setup.new_nodes, 6 * setup.new_nodes};
+  World world({std::move(b)}, setup.instrument, settings);
   const auto problem = std::make_unique<CondensedProblem>();
   const Body& body = world.bodies().front();
 
@@ -152,9 +157,9 @@ StabilityPlan plan_of(bool quick, const Setup& setup) {
   return plan;
 }
 
-Setup beam() {
+Setup beam(const Vec3& size = {0.08, 0.005, 0.005}, int along = 16, int across = 2) {
   Setup setup;
-  setup.mesh = box_mesh(Vec3(0.08, 0.005, 0.005), 16, 2, 2);
+  setup.mesh = box_mesh(size, along, across, across);
   for (int n = 0; n < static_cast<int>(setup.mesh.nodes.size()); ++n)
     if (setup.mesh.nodes[n].x() == 0) setup.fixed.push_back(n);
   return setup;
@@ -220,6 +225,36 @@ StabilityPlan plan_remnant(StabilityBench&, bool quick) {
   StabilityPlan plan = plan_of(quick, setup);
   plan.parameter =
       "Young's modulus of a remnant of 150 elements on three nodes, cut from a cube of 10 mm [kPa]";
+  return plan;
+}
+
+
+// A blade comes down through the beam next to where it is held, and is gone before the last of it is cut: what
+// hangs there swings on a hinge.
+StabilityPlan plan_bridge(StabilityBench&, bool quick) {
+  constexpr double at = 4e-3, length = 20e-3, height = 5e-3, width = 8e-3, speed = 10e-3, above = 1e-3,
+                   bridge = 0.6e-3;
+  Setup setup = beam(Vec3(length, height, height), 8, 3);
+  setup.gravity = Vec3(0, 0, -9.81);
+  setup.toughness = 1e-4;
+  setup.new_nodes = 600;
+  setup.instrument = {};
+  setup.instrument.blade =
+      make_blade({Vec3(0, -width / 2, 0), Vec3(0, width / 2, 0)}, Vec3(0, 0, -1), 16);
+  std::vector<Vec3> corners;
+  for (const double x : {-0.05e-3, 0.05e-3})
+    for (const double y : {-width / 2, width / 2})
+      for (const double z : {2e-3, 8e-3}) corners.emplace_back(x, y, z);
+  setup.instrument.primitives = {make_convex("sheet", corners, {})};
+  setup.hand = [=](double t) {
+    InstrumentSample sample;
+    const double gone = speed * t - above;  // into the beam, where it does not give way
+    sample.present = gone < height - bridge;
+    sample.pose = {Vec3(at, height / 2, height - gone), Quat::Identity()};
+    return sample;
+  };
+  StabilityPlan plan = plan_of(quick, setup);
+  plan.parameter = "Young's modulus of a beam that a blade cuts to the last bridge, under its own weight [kPa]";
   return plan;
 }
 

@@ -14,8 +14,8 @@ TEST(Stability, QuickAtlas) {
   settings.quick = true;
   const StabilityChart chart = chart_stability(read_scene(config_directory() / "scenes/cube/cube.yaml"),
                                                settings, [](double, const std::string&) { return true; });
-  ASSERT_EQ(chart.modes.size() + 3,
-            stability_mode_names().size());  // `random`, `carve` and `random two` have their own reports
+  ASSERT_EQ(chart.modes.size() + 4,
+            stability_mode_names().size());  // `random…` and `carve` have their own reports
   for (const StabilityMode& m : chart.modes) {
     EXPECT_GT(m.naive_breaks_at, 0) << m.mode;
     EXPECT_TRUE(m.survives) << m.mode << ": broke at " << m.default_breaks_at;
@@ -27,6 +27,8 @@ TEST(Stability, QuickAtlas) {
   }
   ASSERT_EQ(chart.random_two.size(), 2u);
   for (const RandomReport& r : chart.random_two) EXPECT_TRUE(r.faults.empty()) << r.faults.front();
+  ASSERT_EQ(chart.random_cuts.size(), 1u);
+  for (const RandomReport& r : chart.random_cuts) EXPECT_TRUE(r.faults.empty()) << r.faults.front();
   ASSERT_EQ(chart.two_hands.size(), 3u);
   for (const TwoHandsPoint& p : chart.two_hands) {
     EXPECT_GT(p.ours.steady, 0.5 * p.wall.steady) << p.other;
@@ -50,6 +52,23 @@ TEST(Stability, CarvedTissueNeitherBurstsNorEndsTheDaemon) {
   EXPECT_EQ(r.ticks, settings.ticks);
   EXPECT_GT(r.removed, 100);
   EXPECT_GT(r.in_contact, r.ticks / 4);
+  EXPECT_LE(r.force_max, r.device_max);
+}
+
+// A blade at random in a block that it cuts; a million ticks of `haptic stability --mode "random cuts"`.
+TEST(Stability, ABladeAtRandomLeavesAValidMeshAndMakesNoEnergy) {
+  Scene scene = read_scene(config_directory() / "scenes/incision/incision.yaml");
+  scene.first().device.force_scale = 4;
+  RandomSettings settings;
+  settings.ticks = 12'000;
+  settings.episode = 6'000;
+  settings.seed = 2001;
+  const RandomReport r = run_random(scene, {blade_hand()}, settings, [](double) { return true; });
+  for (const std::string& fault : r.faults) ADD_FAILURE() << fault;
+  EXPECT_EQ(r.ticks, settings.ticks);
+  EXPECT_GT(r.nodes_added, 50);
+  EXPECT_GT(r.cut_area, 10e-6);
+  EXPECT_GT(r.in_contact, r.ticks / 10);
   EXPECT_LE(r.force_max, r.device_max);
 }
 

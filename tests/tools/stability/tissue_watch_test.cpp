@@ -85,6 +85,23 @@ TEST_F(CutBlock, EnergyGainedInAStepByHand) {
   EXPECT_EQ(watch.look(bodies).gained, 0);
 }
 
+// A step begins with what a cut of the mesh left: what that made is told apart from what the step gained.
+TEST_F(CutBlock, EnergyGainedByACutOfTheMeshByHand) {
+  TissueWatch watch(scene, bodies, 0.01);
+  watch.begin_step(bodies);
+  EXPECT_EQ(watch.look(bodies).split, 0);
+  throw_upper(0.1);
+  ++bodies[0].topology;
+  watch.begin_step(bodies);
+  double E = 0;
+  for (std::size_t n = 0; n < bodies[0].rest().size(); ++n)
+    E += 0.5 * bodies[0].state.mass[n] * bodies[0].state.v[n].squaredNorm();
+  const TissueExtremes seen = watch.look(bodies);
+  EXPECT_NEAR(seen.split, E, 1e-9 * E);
+  EXPECT_EQ(seen.gained, 0);
+  EXPECT_EQ(watch.look(bodies).split, 0) << "it is told once";
+}
+
 TEST_F(CutBlock, BoundsByHand) {
   const TissueWatch watch(scene, bodies, 0.01);
   EXPECT_NEAR(watch.bounds().farthest, 0.005 * std::sqrt(3.0) + 2 * 0.01 / 2 + 2e-3, 1e-12);

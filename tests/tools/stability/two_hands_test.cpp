@@ -79,7 +79,8 @@ TEST(TwoHandsAtRandom, NothingBurstsAndTwoMakeNoMoreEnergyThanOne) {
   settings.ticks = 16'000;
   settings.episode = 8'000;
   const auto on = [](double) { return true; };
-  const RandomReport two = run_random(scene, 2, settings, on), one = run_random(scene, 1, settings, on);
+  const RandomReport two = run_random(scene, lens_hands(2), settings, on),
+                     one = run_random(scene, lens_hands(1), settings, on);
   for (const RandomReport* r : {&two, &one})
     for (const std::string& fault : r->faults) ADD_FAILURE() << r->hands << " hands, " << fault;
   EXPECT_EQ(two.ticks, settings.ticks);

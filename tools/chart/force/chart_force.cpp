@@ -102,6 +102,7 @@ ForcePoint point_of(const ForceConfiguration& c, const OfflineInput& input, cons
   p.haptic_us_p50 = 1e6 * result.haptic.quantile(50);
   p.haptic_us_p99 = 1e6 * result.haptic.quantile(99);
   p.memory_mb = 1e-6 * static_cast<double>(result.memory_bytes);
+  p.cut_area = result.cut_area;
   p.inverted = result.inverted;
   p.capped = result.capped;
   p.dropped_samples = result.dropped_samples;
@@ -233,9 +234,9 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   const std::vector<int> removals = settings.quick ? std::vector<int>{0} : settings.removals;
 
   // Inputs first: a fault in the last recording is not found after an hour.
-  const std::vector<Job> jobs = scene.instruments.size() > 1
-                                    ? window_jobs(scene, table.windows, removals)
-                                    : recording_jobs(scene, recordings, settings, removals);
+  const std::vector<Job> jobs = table.windows.empty()
+                                    ? recording_jobs(scene, recordings, settings, removals)
+                                    : window_jobs(scene, table.windows, removals);
   double whole = 0;
   for (const Job& job : jobs) {
     const double span = job.input.to - job.input.from + job.input.settle;
@@ -266,6 +267,7 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     run.trajectory = job.trajectory;
     run.removals = job.removals;
     run.removed = own.run.removed;
+    run.cut_area = own.run.cut_area;
     run.half_step_rel = own.half_step_rel;
     run.reference_step = own.step;
     run.inverted = own.inverted;

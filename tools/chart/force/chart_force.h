@@ -8,6 +8,8 @@
 //   felt    with removals also: against a reference that loses each element when the problem without it comes
 //           into use, so long after the step that took it began. `error` has that delay in it.
 //   front   of converged points of one run: nothing else is both cheaper and more accurate
+//   windows of a table: parts of the scene's own trajectories, instead of recordings. With a blade each run says
+//           what area it separated
 //   hands   of several instruments each has its own error; a point's is the worst one's
 //
 // A run counts only where its reference converged (force_error.h); other points say so and are kept.
@@ -27,7 +29,7 @@ namespace hapticd {
 
 struct ForceChartSettings {
   WindowSettings window;
-  // Elements per 20 ms. Of several instruments, along the table's windows: 0 allows those without removals,
+  // Elements per 20 ms. Along the table's windows: 0 allows those without removals,
   // others those with.
   std::vector<int> removals = {0, 5};
   bool quick = false;           // the table's quick configurations, no removals, no finest mesh
@@ -38,7 +40,7 @@ struct ForcePoint {
   std::string label;
   nlohmann::ordered_json config;
   std::string trajectory;
-  int removals = 0;  // of several instruments 1: by their own rules
+  int removals = 0;  // along windows 1: by the instruments' own rules
   double cpu_ms_per_s = 0, simulation_ms_per_s = 0, haptic_ms_per_s = 0, references_ms_per_s = 0;
   double simulation_step_ms_p50 = 0, simulation_step_ms_p99 = 0;
   double interim_ms_p50 =
@@ -49,6 +51,7 @@ struct ForcePoint {
   std::vector<ForceError> hands, felt_hands;      // of each instrument
   double reciprocity = 0, third_law = 0;          // contact_laws.h
   double space_rms_rel = -1, whole_rms_rel = -1;  // < 0: not charted
+  double cut_area = 0;                            // [m²]
   int inverted = 0, capped = 0, dropped_samples = 0, uncovered_nodes = 0;
   bool reference_converged = false;
   bool pareto = false;
@@ -61,6 +64,7 @@ struct ForceRun {
   std::string trajectory;
   int removals = 0;
   int removed = 0;
+  double cut_area = 0;            // by the reference [m²]
   double half_step_rel = 0;       // RMS of the reference's step against its half, to the peak
   double reference_step = 0;      // [s]
   double felt_half_step_rel = 0;  // of the worst
@@ -84,7 +88,7 @@ struct ForceChart {
 };
 
 // `progress` is told the fraction done and what is under way; false ends the chart early.
-// recordings: of a scene with one instrument; several have their own trajectories, and the table's windows.
+// recordings: where the table has no windows, of a scene with one instrument.
 ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::path>& recordings,
                        const ForceTable& table, const ForceChartSettings& settings,
                        const std::function<bool(double, const std::string&)>& progress);

@@ -1,4 +1,5 @@
 // haptic chart force: options, figures and pictures of chart_force.h.
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <sstream>
@@ -24,8 +25,14 @@ struct Options {
   bool force = false;
   ForceChartSettings settings;
   double window_s = 0, depth_mm = 0.3;
+  bool cut = false;
   int hands = 0;  // 0: as many as the scene's instruments
 };
+
+bool has_blade(const Scene& scene) {
+  return std::any_of(scene.instruments.begin(), scene.instruments.end(),
+                     [](const SceneInstrument& i) { return !i.shape.blade.sample.empty(); });
+}
 
 nlohmann::ordered_json to_json(const ForceError& e) {
   return {{"force_peak_n", e.peak},
@@ -99,6 +106,7 @@ nlohmann::ordered_json to_json(const ForcePoint& p, const Scene& scene) {
     j["space_rms_rel"] = p.space_rms_rel;
     j["space_and_time_rms_rel"] = p.whole_rms_rel;
   }
+  if (has_blade(scene)) j["cut_area_mm2"] = rounded(1e6 * p.cut_area, 4);
   if (scene.instruments.size() > 1) add_hands(p, scene, j);
   return j;
 }
@@ -113,6 +121,7 @@ nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
     json["runs"].push_back({{"trajectory", run.trajectory},
                             {"removals", run.removals},
                             {"elements_removed", run.removed},
+                            {"cut_area_mm2", rounded(1e6 * run.cut_area, 4)},
                             {"from_s", run.reference[0].empty() ? 0 : run.reference[0].front().t},
                             {"seconds", rounded(1e-3 * static_cast<double>(run.reference[0].size()), 3)},
                             {"reference_step_ms", 1e3 * run.reference_step},
@@ -199,6 +208,8 @@ void print_hands(const ForcePoint& p, const Scene& scene) {
 
 void print_chart(const ForceChart& chart, const Scene& scene) {
   for (const ForceRun& run : chart.runs) {
+    if (has_blade(scene))
+      std::printf("%s: the reference cuts %.2f mm²\n", run.trajectory.c_str(), 1e6 * run.cut_area);
     std::printf("%s, %d removals per 20 ms: half of %g ms differs by %.2f %%, %d inverted%s\n",
                 run.trajectory.c_str(), run.removals, 1e3 * run.reference_step, 100 * run.half_step_rel,
                 run.inverted, run.converged ? "" : ": REFERENCE NOT CONVERGED");
@@ -232,11 +243,11 @@ void print_chart(const ForceChart& chart, const Scene& scene) {
 }
 
 int chart(Options options, const CLI::App& app) {
-  if (options.settings.quick && app.count("--window") == 0) options.window_s = 0.17;
+  if (options.settings.quick && app.count("--window") == 0) options.window_s = options.cut ? 0.5 : 0.17;
   if (options.window_s > 0) options.settings.window.length = options.window_s;
   options.settings.window.depth = 1e-3 * options.depth_mm;
   if (options.scene.empty()) {
-    const char* name = options.hands > 1 ? "two_hands" : "stroke";
+    const char* name = options.cut ? "incision" : options.hands > 1 ? "two_hands" : "stroke";
     options.scene = (config_directory() / "scenes" / name / (std::string(name) + ".yaml")).string();
   }
   prepare_outputs("force", csv_header, options.out, options.json, options.csv, options.force);
@@ -248,10 +259,11 @@ int chart(Options options, const CLI::App& app) {
   if (options.hands > 0 && static_cast<std::size_t>(options.hands) != scene.instruments.size())
     throw UsageError("--hands " + std::to_string(options.hands) + ": the scene has " +
                      std::to_string(scene.instruments.size()) + " instruments");
-  if (several && !options.recordings.empty())
-    throw UsageError("--trajectory: several instruments run along the scene's own trajectories");
-  if (options.table.empty())
-    options.table = (config_directory() / "charts" / (several ? "force_hands.yaml" : "force.yaml")).string();
+  if (options.cut && !has_blade(scene)) throw UsageError("--cut: the scene has no blade");
+  if (options.table.empty()) {
+    const char* table = options.cut ? "force_cut.yaml" : several ? "force_hands.yaml" : "force.yaml";
+    options.table = (config_directory() / "charts" / table).string();
+  }
   ForceTable table = read_force_table(options.table);
   if (!options.only.empty()) {
     std::vector<ForceConfiguration> kept;
@@ -261,11 +273,20 @@ int chart(Options options, const CLI::App& app) {
     table.configurations = std::move(kept);
   }
   std::vector<std::filesystem::path> recordings(options.recordings.begin(), options.recordings.end());
+  if (!table.windows.empty() && !recordings.empty())
+    throw UsageError("--trajectory: the table's windows are of the scene's own trajectories");
   if (several && table.windows.empty())
     throw UsageError(options.table + " has no windows, which several instruments need");
-  for (ForceWindow& w : table.windows)
+  std::vector<ForceWindow> windows;
+  for (ForceWindow& w : table.windows) {
     if (options.window_s > 0) w.to = std::min(w.to, w.from + options.window_s);
-  if (recordings.empty() && !several) {
+    const auto same = [&](const ForceWindow& o) {
+      return o.from == w.from && o.to == w.to && o.removals == w.removals;
+    };
+    if (std::none_of(windows.begin(), windows.end(), same)) windows.push_back(std::move(w));
+  }
+  table.windows = std::move(windows);
+  if (recordings.empty() && table.windows.empty()) {
     if (!scene.first().trajectory)
       throw UsageError("the scene has no trajectory: name one with --trajectory");
     recordings = {*scene.first().trajectory};
@@ -298,7 +319,9 @@ Command add_chart_force(CLI::App& chart_app) {
       "force", "Speed against accuracy of the force, for a scene along recorded motions, offline.");
   app->add_option(
       "scene", options->scene,
-      "scene (default: config/scenes/stroke/stroke.yaml; of several hands: two_hands/two_hands.yaml)");
+      "scene (default: config/scenes/stroke/stroke.yaml; of several hands: two_hands/two_hands.yaml; with --cut: "
+      "incision/incision.yaml)");
+  app->add_flag("--cut", options->cut, "a blade that cuts, along windows of its stroke");
   app->add_option("--hands", options->hands, "the scene has so many instruments, and each has its own error")
       ->check(CLI::Range(1, max_instruments));
   app->add_option(
@@ -306,7 +329,8 @@ Command add_chart_force(CLI::App& chart_app) {
       "CSV recordings; the scene's own is mapped, others are fitted into the tissue (default: the "
       "scene's own)");
   app->add_option("--table", options->table,
-                  "configurations (default: config/charts/force.yaml; of several hands: force_hands.yaml)");
+                  "configurations (default: config/charts/force.yaml; of several hands: force_hands.yaml; with --cut: "
+                  "force_cut.yaml)");
   app->add_option("--only", options->only, "only the configurations with these labels, and the default");
   app->add_option("--removals", options->settings.removals, "elements removed per 20 ms, a run for each")
       ->delimiter(',')

@@ -15,10 +15,21 @@ HapticOptions options_of(const Scene& scene, bool passivity_control) {
   return options;
 }
 
+VirtualDaemonSettings settings_of(const std::function<void()>& begun) {
+  VirtualDaemonSettings settings;
+  if (begun)
+    settings.after = [begun](StepAction action, std::int64_t) {
+      if (action == StepAction::begin) begun();
+    };
+  return settings;
+}
+
 }  // namespace
 
-HandsDaemon::HandsDaemon(const Scene& scene, bool passivity_control, int reference_steps)
-    : daemon_(make_world(scene), scene.rate, devices_of(scene), options_of(scene, passivity_control)) {
+HandsDaemon::HandsDaemon(const Scene& scene, bool passivity_control, int reference_steps,
+                         const std::function<void()>& begun)
+    : daemon_(make_world(scene), scene.rate, devices_of(scene), options_of(scene, passivity_control),
+              settings_of(begun)) {
   VirtualTiming timing = usual_timing(daemon_.world());
   timing.reference = std::llround(1e9 * reference_steps / scene.rate);
   daemon_.set_timing(timing);

@@ -10,8 +10,10 @@ namespace hapticd {
 
 class HandsDaemon {
  public:
-  // reference_steps: from the step that asks for a reference factor to the one that adopts it.
-  explicit HandsDaemon(const Scene& scene, bool passivity_control = false, int reference_steps = 1);
+  // reference_steps: from the step that asks for a reference factor to the one that adopts it. begun: called
+  // when a step has begun, after its removals and cuts.
+  explicit HandsDaemon(const Scene& scene, bool passivity_control = false, int reference_steps = 1,
+                       const std::function<void()>& begun = {});
 
   // Of each device the state that arrived since the last tick, or null; a device without a client has none.
   EachInstrument<ForceSample> tick(const EachInstrument<const DeviceSample*>& arrived,

@@ -21,20 +21,21 @@ double stored(const Body& body, const std::vector<Vec3>& x, int t) {
                         m.material.lambda());
 }
 
+bool comes_apart(const Body& body) { return body.deformable && (body.removable || body.toughness > 0); }
+
 }  // namespace
 
 TissueWatch::TissueWatch(const Scene& scene, const Bodies& bodies, double instrument_speed)
     : watched_(bodies.size()) {
   if (!scene.gravity.isZero(0)) throw std::invalid_argument("the watch of free pieces knows no gravity");
-  const auto removable =
-      std::find_if(bodies.begin(), bodies.end(), [](const Body& b) { return b.removable; });
+  const auto removable = std::find_if(bodies.begin(), bodies.end(), comes_apart);
   if (removable == bodies.end()) throw std::invalid_argument("no body of the scene can be cut");
   for (const Vec3& x : removable->rest()) middle_ += x / static_cast<double>(removable->rest().size());
   double least_damping = std::numeric_limits<double>::infinity(), radius = 0;
   for (const Body& b : bodies) {
     if (!b.deformable) continue;
     for (const Vec3& x : b.rest()) radius = std::max(radius, (x - middle_).norm());
-    if (b.removable) least_damping = std::min(least_damping, b.model.material.rayleigh_mass);
+    if (comes_apart(b)) least_damping = std::min(least_damping, b.model.material.rayleigh_mass);
   }
   bounds_.farthest = radius + 2 * instrument_speed / least_damping + 2 * scene.alarm_distance;
   Vec3 low = removable->rest().front(), high = low;
@@ -57,18 +58,42 @@ TissueExtremes TissueWatch::look(const Bodies& bodies) {
       out.farthest = std::max(out.farthest, (x - middle_).norm());
       out.fastest = std::max(out.fastest, v.norm());
     }
-    if (!out.finite || !body.removable) continue;
-    if (watched_[b].removed != body.state.removed) label(body, watched_[b]);
+    if (!out.finite || !comes_apart(body)) continue;
+    label_anew(body, watched_[b]);
     look_at_step(body, watched_[b], out);
     look_at_free(body, watched_[b], out);
   }
+  out.split = split_;
+  split_ = 0;
   return out;
+}
+
+// A cut keeps energy, whatever pieces it makes: of the whole body before and after. New nodes have no place
+// before it.
+void TissueWatch::begin_step(const Bodies& bodies) {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const Body& body = bodies[b];
+    if (!comes_apart(body)) continue;
+    Watched& w = watched_[b];
+    double before = 0;
+    for (const Watched::Piece& p : w.piece) before += p.energy;
+    const bool split = !w.x.empty() && w.topology != body.topology && w.removed == body.state.removed;
+    label_anew(body, w);
+    w.x = body.state.x;
+    w.v = body.state.v;
+    if (split) split_ = std::max(split_, energies(body, w.pieces, w.x, w.v).sum() - before);
+  }
+}
+
+void TissueWatch::label_anew(const Body& body, Watched& watched) {
+  if (watched.removed != body.state.removed || watched.topology != body.topology) label(body, watched);
 }
 
 void TissueWatch::label(const Body& body, Watched& watched) {
   const std::vector<Watched::Piece> before = std::move(watched.piece);
   const std::vector<int> of_tet_before = std::move(watched.pieces.of_tet);
   watched.removed = body.state.removed;
+  watched.topology = body.topology;
   watched.pieces = find_pieces(body.model, body.state);
   watched.piece.assign(static_cast<std::size_t>(watched.pieces.count()), {});
   for (int t = 0; t < body.model.tet_count(); ++t) {

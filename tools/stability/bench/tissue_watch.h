@@ -3,11 +3,10 @@
 //   farthest   of a live node from the middle of the removable body at rest [m]
 //   fastest    node [m/s]
 //   gained     H − H_before − fᵀΔx of a piece in the step, f of the instrument and of other bodies on its
-//   nodes;
-//              H = ½ Σ m v² + elastic energy, H_before of what the step left of it: never above 0 [J]
+//              nodes; H = ½ Σ m v² + elastic energy, H_before of what the step left of it: never above 0 [J]
+//   split      H after a cut of the mesh − H before it, of the body: never above 0 [J]
 //   made       H − H₀ of a free piece, H₀ since it was last pressed, cut or joined to nothing held: no work
-//   was
-//              done on it, so H may only fall [J]
+//              was done on it, so H may only fall [J]
 //
 // Bounds are the scene's and the script's, V the instrument's largest speed:
 //   farthest   R + 2 V/α + 2 a    R: of a deformable body at rest from that middle; a piece struck
@@ -17,7 +16,7 @@
 //                                 distances a
 //   fastest    2 V + s/h          s: the removable body's largest extent; what is dragged along all of it and
 //                                 let go comes back in a step
-// Pieces hang together by nodes (fragments.h). Without gravity only: std::invalid_argument else.
+// Looked at are bodies that can be cut or removed. Pieces hang together by nodes (fragments.h). Without gravity only: std::invalid_argument else.
 #pragma once
 
 #include <vector>
@@ -36,6 +35,7 @@ struct TissueExtremes {
   double farthest = 0, fastest = 0;
   int free = 0;            // pieces
   double gained = 0;       // by a piece in the step, largest [J]
+  double split = 0;        // by cuts of the mesh, largest of a body since the last look [J]
   double energy = 0;       // largest H of one [J]
   double made = 0;         // by a free piece, largest [J]
   double free_energy = 0;  // largest H₀ of one [J]
@@ -46,6 +46,9 @@ class TissueWatch {
   TissueWatch(const Scene& scene, const Bodies& bodies, double instrument_speed);
 
   const TissueBounds& bounds() const { return bounds_; }
+
+  // When a step has begun, where something may split: what is then is what the step begins with.
+  void begin_step(const Bodies& bodies);
 
   // Of the state as it is; of energy, against the states seen since.
   TissueExtremes look(const Bodies& bodies);
@@ -58,12 +61,13 @@ class TissueWatch {
       double since = -1;  // H₀; negative: not known
       double energy = 0;  // H
     };
-    int removed = -1;  // the body's, when they were labelled
+    int removed = -1, topology = -1;  // the body's, when they were labelled
     Pieces pieces;
     std::vector<Piece> piece;
     std::vector<Vec3> x, v;  // when last looked at; empty: never
   };
   static void label(const Body& body, Watched& watched);
+  static void label_anew(const Body& body, Watched& watched);
   static VecX energies(const Body& body, const Pieces& pieces, const std::vector<Vec3>& x,
                        const std::vector<Vec3>& v);
   static void look_at_step(const Body& body, Watched& watched, TissueExtremes& out);
@@ -72,6 +76,7 @@ class TissueWatch {
   Vec3 middle_ = Vec3::Zero();
   TissueBounds bounds_;
   std::vector<Watched> watched_;
+  double split_ = 0;
 };
 
 }  // namespace hapticd

@@ -52,10 +52,13 @@ std::optional<std::string> judge(const TissueExtremes& seen, const TissueBounds&
   tally.fastest = std::max(tally.fastest, seen.fastest);
   tally.gained = std::max(tally.gained, seen.gained);
   tally.energy = std::max(tally.energy, seen.energy);
+  tally.split = std::max(tally.split, seen.split);
   if (seen.farthest > bounds.farthest) return said("a node is away by", seen.farthest, bounds.farthest, "m");
   if (seen.fastest > bounds.fastest) return said("a node is as fast as", seen.fastest, bounds.fastest, "m/s");
   if (const double most = energy_allowed(tally.energy); seen.gained > most)
     return said("a piece gained, beyond the work done on it,", seen.gained, most, "J");
+  if (const double most = energy_allowed(tally.energy); seen.split > most)
+    return said("a cut of the mesh gained", seen.split, most, "J");
   return std::nullopt;
 }
 
@@ -76,6 +79,7 @@ void add(const TrialTally& part, TrialTally& sum) {
   largest(part.fastest, sum.fastest);
   largest(part.fastest_allowed, sum.fastest_allowed);
   largest(part.gained, sum.gained);
+  largest(part.split, sum.split);
   largest(part.energy, sum.energy);
 }
 

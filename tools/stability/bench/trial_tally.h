@@ -2,8 +2,7 @@
 //
 //   each tick   force and torque finite, within the device's maximum and slew; of several hands, of each
 //   each step   nodes finite and within TissueBounds, and of each piece H − H_before − fᵀΔx ≤ 10⁻⁶ of the
-//   largest H
-//               (tissue_watch.h)
+//               largest H, and H after a cut no more above H before it (tissue_watch.h)
 //
 // `judge` counts, and says which bound was broken; nothing where none was. Units: SI.
 #pragma once
@@ -25,6 +24,7 @@ struct TrialTally {
   double farthest = 0, farthest_allowed = 0;  // [m]
   double fastest = 0, fastest_allowed = 0;    // [m/s]
   double gained = 0, energy = 0;  // by a piece in a step beyond the work done on it; of the largest [J]
+  double split = 0;               // by cuts of the mesh [J]
 };
 
 std::optional<std::string> judge(const DeviceSettings& device, const ForceSample& answer,

@@ -182,6 +182,35 @@ TEST(ForceMotion, ARecordingThatBeginsInTheTissueIsApproached) {
   EXPECT_LT(rest_overlap(scene, X), 0);
 }
 
+// A blade's strokes are windows of the scene's own trajectory, before the blade is in the tissue.
+TEST(ForceMotion, ABladesWindowsBeginOutsideOfTheTissue) {
+  const Scene scene = read_scene(SOURCE_DIR "/config/scenes/incision/incision.yaml");
+  const ForceTable table = read_force_table(SOURCE_DIR "/config/charts/force_cut.yaml");
+  ASSERT_FALSE(table.windows.empty());
+  double first = 0;
+  for (const Vec3& x : scene.bodies[0].mesh.nodes) first = std::min(first, x.x());
+  for (const ForceWindow& w : table.windows) {
+    const OfflineInput input = motions_in_window(scene, w);
+    EXPECT_EQ(input.approach[0], 0) << w.name;
+    EXPECT_LT(sample_at(input.motion[0], w.from).p.x(), first) << w.name;
+    EXPECT_GT(sample_at(input.motion[0], w.to).p.x(), first + 5e-3) << w.name;
+  }
+}
+
+// What it is cut by is part of what a reference depends on.
+TEST(ReferenceCache, KnowsTheBladeAndTheTissuesToughness) {
+  const Scene scene = read_scene(SOURCE_DIR "/config/scenes/incision/incision.yaml");
+  const OfflineInput input =
+      motions_in_window(scene, read_force_table(SOURCE_DIR "/config/charts/force_cut.yaml").windows[0]);
+  Scene other = scene;
+  other.bodies[0].toughness *= 2;
+  EXPECT_NE(reference_key(scene, input, 1e-3), reference_key(other, input, 1e-3));
+  other = scene;
+  Blade& blade = other.first().shape.blade;
+  blade = make_blade(blade.edge, blade.direction, 8);
+  EXPECT_NE(reference_key(scene, input, 1e-3), reference_key(other, input, 1e-3));
+}
+
 class HandsScene : public testing::Test {
  protected:
   Scene scene = read_scene(SOURCE_DIR "/config/scenes/two_hands/two_hands.yaml");
