@@ -126,6 +126,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
       if (X.present[i]) from[i] = problem.instrument[i].X_ref;
     const EachInstrument<Vec6> way = difference(X, from);
     const double parts = std::min(longest(way) / contact.margin, most_parts);
+    if (parts > 1) contact.parts = parts;
     for (int p = 0; parts > 1 && p < parts; ++p)
       solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
   }

@@ -30,7 +30,8 @@ bool is_sound(const EdgeSample& e, int nodes) noexcept {
   for (int a = 0; a < 4; ++a)
     if (e.node[a] < 0 || e.node[a] >= nodes || !(std::abs(e.weight[a]) <= largest_weight)) return false;
   return is_edge(e.id) && e.instrument >= 0 && e.instrument < max_instruments && e.place.allFinite() &&
-         std::abs(e.direction.norm() - 1) <= tolerance && at_least_zero(e.limit) && at_least_zero(e.advance);
+         std::abs(e.direction.norm() - 1) <= tolerance && at_least_zero(e.limit) &&
+         at_least_zero(e.advance) && at_least_zero(e.viscosity);
 }
 
 // Memory is found by id, so two of one id would share it.

@@ -239,13 +239,13 @@ InstrumentPoses reference_poses(const CondensedProblem& problem, const Instrumen
 }
 
 void solve_frozen(const CondensedProblem& problem, Instruments instruments, const CouplingStart& start,
-                  double margin, const ContactOptions& options, ContactState& state, ContactScratch& scratch,
-                  ContactSolution& out) noexcept {
+                  double margin, double period, const ContactOptions& options, ContactState& state,
+                  ContactScratch& scratch, ContactSolution& out) noexcept {
   const InstrumentPoses X_ref = reference_poses(problem, start.X_free);
   if (problem.step == 0 || state.frozen_step != problem.step || scratch.matrix_version == 0 ||
       state.frozen_present.value != start.X_free.present.value) {
     build_rows(problem, instruments, X_ref, X_ref, problem.x_now, start.K_inv, state.memory, margin,
-               scratch.rows, nullptr, options.times);
+               scratch.rows, nullptr, options.times, period);
     ++scratch.matrix_version;
     state.frozen_step = problem.step;
     state.frozen_present = start.X_free.present;
@@ -266,8 +266,8 @@ void solve_frozen(const CondensedProblem& problem, Instruments instruments, cons
 }
 
 void solve_renewed(const CondensedProblem& problem, Instruments instruments, const CouplingStart& start,
-                   double margin, const ContactOptions& options, ContactState& state, ContactScratch& scratch,
-                   ContactSolution& out) noexcept {
+                   double margin, double period, const ContactOptions& options, ContactState& state,
+                   ContactScratch& scratch, ContactSolution& out) noexcept {
   scratch.working = state.memory;
   displaced_patch(problem, state.memory, scratch.x);
   out.instrument = start.X_start;
@@ -278,7 +278,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   InstrumentPoses X_lin;
   const auto build = [&](const Reached* reached) {
     build_rows(problem, instruments, start.X_free, X_lin, x_lin, start.K_inv, scratch.working, activation,
-               scratch.rows, reached, options.times);
+               scratch.rows, reached, options.times, period);
     ++scratch.matrix_version;
   };
   // False if the solver met no number.
@@ -342,9 +342,9 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
 
   ContactSolution out;
   if (problem.renewal == Renewal::frozen)
-    solve_frozen(problem, instruments, start, margin, options, state, scratch, out);
+    solve_frozen(problem, instruments, start, margin, period / options.parts, options, state, scratch, out);
   else
-    solve_renewed(problem, instruments, start, margin, options, state, scratch, out);
+    solve_renewed(problem, instruments, start, margin, period / options.parts, options, state, scratch, out);
   out.contacts = scratch.rows.contacts;
   out.dropped = scratch.rows.dropped;
   // A pose that is not finite selects no rows and solves nothing, but would spoil the coupling's memory.

@@ -38,6 +38,7 @@ struct ContactOptions {
   double usable_residual = std::numeric_limits<double>::infinity();
   Deadline deadline;  // of the whole solve; the linearisations to come have what the first one leaves
   PartTimes* times = nullptr;
+  double parts = 1;  // that the period's way is solved in, of which this is one: viscous edges have T/parts
 };
 
 // Carried from one solve to the next by its owner; each loop has its own, with its own scratch: a frozen

@@ -206,7 +206,8 @@ void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv
       const ContactRow& row = rows.row[i];
       if (row.other >= 0 || of.other >= 0) {
         Mat3 B = coupling(K_inv_diag, row, of);
-        if (i == j) B.triangularView<Eigen::StrictlyUpper>() = B.transpose();  // or round-off would not be symmetric
+        if (i == j)
+          B.triangularView<Eigen::StrictlyUpper>() = B.transpose();  // or round-off would not be symmetric
         W.template block<m, m>(m * i, m * j) = B.template topLeftCorner<m, m>();
         if (i > j) W.template block<m, m>(m * j, m * i) = B.template topLeftCorner<m, m>().transpose();
         if (i == j)
@@ -217,8 +218,7 @@ void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv
       const auto fill = [&](const auto& sample) {
         Eigen::Matrix<double, m, m> w;
         for (int c = 0; c < m; ++c)
-          set_column(w, c,
-                     one_instrument ? probe[i](panel, sample, c) : probe[i].tissue(panel, sample, c));
+          set_column(w, c, one_instrument ? probe[i](panel, sample, c) : probe[i].tissue(panel, sample, c));
         if (i == j) w.template triangularView<Eigen::StrictlyUpper>() = w.transpose();
         W.template block<m, m>(m * i, m * j) = w;
         W.template block<m, m>(m * j, m * i) = w.transpose();
@@ -231,6 +231,7 @@ void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv
     if (of.other >= 0) continue;
     const double missing = missing_compliance(problem, K_inv_diag[of.instrument], of, panel);
     for (int c = 0; c < m; ++c) W(m * j + c, m * j + c) += missing;
+    if (of.edge >= 0) W(m * j, m * j) += of.compliance;
   }
 }
 

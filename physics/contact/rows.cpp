@@ -100,7 +100,8 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
   }
 }
 
-// Rows of instruments that touch, behind those of tissue. Of two that are held rigidly nothing could give way.
+// Rows of instruments that touch, behind those of tissue. Of two that are held rigidly nothing could give
+// way.
 void add_pairs(const CondensedProblem& problem, const InstrumentPairs& pairs, const InstrumentPoses& X_lin,
                const EachInstrument<Vec6>& K_inv_diag, ContactRows& rows) noexcept {
   for (const InstrumentPair& pair : pairs) {
@@ -156,12 +157,12 @@ Mat3 contact_frame(const Vec3& n) noexcept {
 void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
                 const InstrumentPoses& X_lin, const PatchPositions& x_lin,
                 const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
-                ContactRows& rows, const Reached* reached, PartTimes* times) noexcept {
+                ContactRows& rows, const Reached* reached, PartTimes* times, double period) noexcept {
   const Within rows_part(times, ContactPart::rows);
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
   select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, margin, reached,
          max_contacts - pairs.count() - count_edges(problem, X_lin), rows);
-  add_edges(problem, X_free, X_lin, x_lin, memory, rows);
+  add_edges(problem, X_free, X_lin, x_lin, memory, period, rows);
   add_pairs(problem, pairs, X_lin, K_inv_diag, rows);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i) {

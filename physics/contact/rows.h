@@ -45,6 +45,7 @@ struct ContactRow {
   double friction;     // μ
   double limit = no_limit;  // of λ_n; finite at edges alone [N]
   double advance = 0;       // of an edge: the total it counts from [m]
+  double compliance = 0;    // of the row itself, in W_nn; of a viscous edge [m/N]
 };
 
 // Rows per contact: 1 (frictionless: row i is contact i) or 3 (rows 3i, 3i+1, 3i+2).
@@ -118,11 +119,13 @@ Mat3 contact_frame(const Vec3& n) noexcept;
 // (device pose, plus the coupling's memory) and for their linearisation poses X_lin, which say who is
 // present; K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap
 // at the linearisation is below `margin` become rows; with `reached` those too that an earlier solve of fewer
-// rows, at the same linearisation, took through an instrument (linearised gap there < 0).
+// rows, at the same linearisation, took through an instrument (linearised gap there < 0). period: of the
+// solve, for viscous edges [s].
 void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
                 const InstrumentPoses& X_lin, const PatchPositions& x_lin,
                 const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
-                ContactRows& rows, const Reached* reached = nullptr, PartTimes* times = nullptr) noexcept;
+                ContactRows& rows, const Reached* reached = nullptr, PartTimes* times = nullptr,
+                double period = 0) noexcept;
 
 // q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for other free poses:
 // δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.

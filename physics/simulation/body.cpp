@@ -49,6 +49,7 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       friction(settings.friction),
       removable(settings.removable),
       toughness(settings.deformable ? settings.toughness : 0),
+      cutting_viscosity(settings.cutting_viscosity),
       tearing(settings.tearing),
       model(model_of(settings, gravity)),
       edge(mean_edge(model.mesh)),

@@ -33,6 +33,7 @@ struct BodySettings {
   MeshRoom room = {};            // deformable only; for what cuts add
   double toughness = 0;          // against blades [J/m²]; 0: they do not cut it
   TearSettings tearing = {};     // off unless its toughness is positive
+  double cutting_viscosity = 0;  // c: what cutting costs more by its speed [N·s/m²]
 };
 
 // Nothing here outlives the function that fills it.
@@ -47,7 +48,8 @@ struct Body {
   bool deformable;
   double friction;
   bool removable;
-  double toughness;  // [J/m²]
+  double toughness;          // [J/m²]
+  double cutting_viscosity;  // [N·s/m²]
   TearSettings tearing;
   TissueModel model;  // of a rigid body: the mesh only
   const std::vector<Vec3>& rest() const { return model.mesh.nodes; }

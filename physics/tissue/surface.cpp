@@ -46,7 +46,7 @@ std::vector<int> faces_across(std::span<const Tet> tets) {
   return across;
 }
 
-BoundarySurface::BoundarySurface(const TetMesh& mesh)
+BoundarySurface::BoundarySurface(const TetMesh& mesh, std::span<const std::uint32_t> opened)
     : tets_(mesh.tets),
       across_(faces_across(mesh.tets)),
       position_(4 * mesh.tets.size(), -1),
@@ -54,6 +54,8 @@ BoundarySurface::BoundarySurface(const TetMesh& mesh)
   faces_.reserve(across_.size());
   for (int id = 0; id < static_cast<int>(across_.size()); ++id)
     if (across_[id] < 0 && tets_[id / 4] != no_tet) insert(id, false);
+  for (const std::uint32_t id : opened)
+    if (id < position_.size() && position_[id] >= 0) faces_[position_[id]].cut = true;
 }
 
 void BoundarySurface::remove(std::span<const int> tets) {

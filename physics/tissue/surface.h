@@ -9,6 +9,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -34,7 +35,8 @@ std::vector<int> faces_across(std::span<const Tet> tets);
 
 class BoundarySurface {
  public:
-  explicit BoundarySurface(const TetMesh& mesh);
+  // opened: ids of faces that earlier cuts made; what is no boundary face is left out.
+  explicit BoundarySurface(const TetMesh& mesh, std::span<const std::uint32_t> opened = {});
 
   // Deletes these tetrahedra's faces and exposes their live neighbours'. Already removed ones are skipped.
   void remove(std::span<const int> tets);

@@ -26,6 +26,9 @@ void take_snapshot(const Body& body, BodySnapshot& out) {
   out.tets.clear();
   for (const Tet& t : std::span(body.model.mesh.tets).first(tets))
     out.tets.insert(out.tets.end(), t.begin(), t.end());
+  out.opened.clear();
+  for (std::size_t id = 0; id < 4 * tets; ++id)
+    if (body.model.across[id] == opened_face) out.opened.push_back(static_cast<std::uint32_t>(id));
 }
 
 void pack_bits(const std::vector<std::uint8_t>& flags, std::size_t count, std::vector<std::uint8_t>& bits) {

@@ -12,11 +12,12 @@
 namespace hapticd {
 
 struct BodySnapshot {
-  std::vector<float> nodes;              // 3 per node, present positions; empty for a rigid body
-  std::vector<std::uint8_t> alive;       // 1 bit per tetrahedron, least significant first
-  int topology = 0;                      // cuts since the scene's own mesh
-  std::vector<float> rest = {};          // 3 per node; empty while topology is 0
-  std::vector<std::uint32_t> tets = {};  // 4 per tetrahedron; …
+  std::vector<float> nodes;                // 3 per node, present positions; empty for a rigid body
+  std::vector<std::uint8_t> alive;         // 1 bit per tetrahedron, least significant first
+  int topology = 0;                        // cuts since the scene's own mesh
+  std::vector<float> rest = {};            // 3 per node; empty while topology is 0
+  std::vector<std::uint32_t> tets = {};    // 4 per tetrahedron; …
+  std::vector<std::uint32_t> opened = {};  // ids of the faces that cuts made (surface.h); …
 };
 
 // Pre: `out` is empty, or an earlier one of this body: what has not changed is not written again.

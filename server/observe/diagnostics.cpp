@@ -7,6 +7,7 @@
 
 #include "server/dds/borrowed.h"
 #include "server/observe/dds_log.h"
+#include "server/observe/instrument_shape.h"
 #include "server/observe/log.h"
 #include "server/os/realtime.h"
 #include "server/record/contact_capture_file.h"
@@ -219,8 +220,8 @@ void Diagnostics::write_line(const ForceRecord& record) noexcept {
       "the recording ends, everything else goes on: the file cannot be written");
 }
 
-void Diagnostics::publish_geometry(std::size_t b, std::vector<float>& rest,
-                                   std::vector<std::uint32_t>& tets) {
+void Diagnostics::publish_geometry(std::size_t b, std::vector<float>& rest, std::vector<std::uint32_t>& tets,
+                                   std::vector<std::uint32_t>& opened) {
   const SceneBody& body = scene_.bodies[b];
   hapticd_msg_SceneGeometry m{};
   m.body = static_cast<std::uint32_t>(b);
@@ -228,6 +229,7 @@ void Diagnostics::publish_geometry(std::size_t b, std::vector<float>& rest,
   m.deformable = body.kind == BodyKind::deformable;
   m.nodes = borrowed<decltype(m.nodes)>(rest);
   m.tets = borrowed<decltype(m.tets)>(tets);
+  m.opened = borrowed<decltype(m.opened)>(opened);
   geometry_.write(m);
 }
 
@@ -237,10 +239,10 @@ void Diagnostics::publish_scene() {
   for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
     const TetMesh& mesh = scene_.bodies[b].mesh;
     std::vector<float> nodes = flat(mesh.nodes);
-    std::vector<std::uint32_t> tets;
+    std::vector<std::uint32_t> tets, opened;
     tets.reserve(4 * mesh.tets.size());
     for (const Tet& t : mesh.tets) tets.insert(tets.end(), t.begin(), t.end());
-    publish_geometry(b, nodes, tets);
+    publish_geometry(b, nodes, tets, opened);
   }
   for (std::size_t i = 0; i < scene_.instruments.size(); ++i) {
     std::vector<float> shape = instrument_shape(scene_.instruments[i].shape);
@@ -272,7 +274,8 @@ void Diagnostics::publish_update() {
     if (body.topology != published_topology_[i]) {
       if (!geometry_is_due) continue;
       publish_geometry(i, const_cast<std::vector<float>&>(body.rest),
-                       const_cast<std::vector<std::uint32_t>&>(body.tets));
+                       const_cast<std::vector<std::uint32_t>&>(body.tets),
+                       const_cast<std::vector<std::uint32_t>&>(body.opened));
       published_topology_[i] = body.topology;
       geometry_ns_ = now;
     }

@@ -106,7 +106,8 @@ class Diagnostics {
   void drain();
   void write_line(const ForceRecord& record) noexcept;
   void publish_scene();
-  void publish_geometry(std::size_t body, std::vector<float>& rest, std::vector<std::uint32_t>& tets);
+  void publish_geometry(std::size_t body, std::vector<float>& rest, std::vector<std::uint32_t>& tets,
+                        std::vector<std::uint32_t>& opened);
   void publish_status();
   void publish_update();
   void write_capture_if_new() noexcept;

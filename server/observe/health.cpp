@@ -124,17 +124,4 @@ void HealthPublisher::publish(const HistogramSnapshot& wake, const HistogramSnap
   writer_.write(m);
 }
 
-std::vector<float> instrument_shape(const Instrument& instrument) {
-  std::vector<float> out;
-  for (const Primitive& p : instrument.primitives) {
-    if (p.shape == Shape::convex) continue;
-    out.push_back(p.shape == Shape::sphere ? 0.f : p.shape == Shape::capsule ? 1.f : 2.f);
-    out.push_back(static_cast<float>(p.radius));
-    out.push_back(static_cast<float>(p.half_length));
-    for (int i = 0; i < 3; ++i) out.push_back(static_cast<float>(p.placement.p[i]));
-    for (int i = 0; i < 4; ++i) out.push_back(static_cast<float>(p.placement.q.coeffs()[i]));
-  }
-  return out;
-}
-
 }  // namespace hapticd

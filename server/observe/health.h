@@ -71,7 +71,4 @@ class HealthPublisher {
   Writer<hapticd_msg_ServerHealth> writer_;
 };
 
-// The instrument's primitives as SceneInstrument has them.
-std::vector<float> instrument_shape(const Instrument& instrument);
-
 }  // namespace hapticd

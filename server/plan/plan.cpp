@@ -230,8 +230,8 @@ class Planner {
              [b](Scene& s) { s.bodies[b].corotational = false; });
     if (!may_be_static(body) && !body.pinned_motion)
       say(body.name + ": motion", "dynamic",
-          body.removable ? "it can be cut: pieces cut loose need their mass"
-                         : "nothing holds it but its mass");
+          body.removable || body.toughness > 0 ? "it can be cut: pieces cut loose need their mass"
+                                               : "nothing holds it but its mass");
     else if (!chooses_ || body.pinned_motion || !pressed || !body.dynamic)
       fixed_choice("motion", body.dynamic ? "dynamic" : "static", body.pinned_motion);
     else

@@ -15,7 +15,7 @@ namespace hapticd {
 namespace {
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
-constexpr std::uint32_t version = 4, byte_order = 0x01020304;
+constexpr std::uint32_t version = 5, byte_order = 0x01020304;
 constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
 
 // One description of the layout for both directions: `put` of the writer appends, of the reader takes.
@@ -142,6 +142,7 @@ void layout(File& f, EdgeSample& e, int nodes, int instruments) {
   f.put(e.limit);
   f.expect(e.limit >= 0, "an edge with a limit below zero");
   f.put(e.advance);
+  if (f.written_as() >= 5) f.put(e.viscosity);
 }
 
 template <typename File>
@@ -207,7 +208,8 @@ void layout(File& f, ContactState& s, const std::vector<Instrument>& instruments
              "a contact of an instrument that is not there");
     const auto& primitives = instruments[static_cast<std::size_t>(e.instrument)].primitives;
     f.expect(
-        e.primitive >= 0 && (e.primitive == 0 || static_cast<std::size_t>(e.primitive) < primitives.size()),
+        e.primitive >= 0 && (e.primitive == 0 || static_cast<std::size_t>(e.primitive) < primitives.size() ||
+                             (is_edge(e.id) && e.primitive == 1)),  // of a viscous edge
         "a contact of a primitive that is not there");
     layout(f, e.lambda);
     layout(f, e.anchor);

@@ -34,6 +34,7 @@ struct SceneBody {
   double friction = 0;           // μ against the instrument
   bool removable = false;        // the tip may destroy it
   double toughness = 0;          // J [J/m²]: a blade's edge cuts it; 0: none does
+  double cutting_viscosity = 0;  // c: … and more by its speed [N·s/m²]
   int max_new_nodes = 0;         // that cuts may add
   TearSettings tearing = {};     // off unless its toughness is positive
   bool corotational = true;      // deformable only; false: linear
@@ -59,7 +60,7 @@ struct SceneInstrument {
 struct Scene {
   std::string name;
   std::filesystem::path file;
-  double rate = 50;  // simulation [Hz]
+  double rate = 50;        // simulation [Hz]
   bool plans = false;      // model: auto: what is not pinned is chosen at the start (plan.h)
   double accuracy = 0.02;  // RMS force error that a plan may have, of the peak force
   bool friction = true;    // false: every μ counts as 0

@@ -18,6 +18,8 @@ constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; t
 constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
 constexpr NumberRange rayleigh_stiffness{0, 10, false, false, "beta of B = alpha M + beta K, in seconds"};
 constexpr NumberRange toughness{0, 1e6, true, false, "joules per square metre; soft tissue has 10 to 2000"};
+constexpr NumberRange cutting_viscosity{0, 1e6, false, false,
+                                        "newton seconds per square metre; 0: the speed does not matter"};
 constexpr NumberRange new_nodes{1, 100000, false, false, "nodes that cuts may add"};
 constexpr NumberRange faces_per_step{1, 1000, false, false, "faces that may tear in one step"};
 constexpr NumberRange friction{0, 10, false, false, "Coulomb's coefficient; 0: frictionless"};
@@ -43,8 +45,7 @@ Material read_material(const YamlMap& yaml) {
   material.young = yaml.number("young", young);
   material.poisson = yaml.number("poisson", poisson);
   material.density = yaml.number("density", density);
-  if (yaml.has("poisson_cap"))
-    material = lowered(material, yaml.number("poisson_cap", poisson_cap));
+  if (yaml.has("poisson_cap")) material = lowered(material, yaml.number("poisson_cap", poisson_cap));
   if (yaml.has("law")) material.law = static_cast<Law>(yaml.choice("law", {"corotational", "guarded"}));
   if (yaml.has("rayleigh")) {
     const YamlMap rayleigh = yaml.map("rayleigh");
@@ -61,9 +62,9 @@ std::vector<int> read_fixed_nodes(const YamlMap& yaml, const TetMesh& mesh) {
     const MeshGroup* group = mesh.group(name);
     if (!group) {
       const std::string hint = did_you_mean(name, names_of(mesh.groups));
-      throw yaml.error("fixed", "the mesh has no group '" + name + "' (" +
-                                    (hint.empty() ? "" : hint + " ") + "its groups: " +
-                                    (mesh.groups.empty() ? "none" : listed(names_of(mesh.groups))) + ")");
+      throw yaml.error(
+          "fixed", "the mesh has no group '" + name + "' (" + (hint.empty() ? "" : hint + " ") +
+                       "its groups: " + (mesh.groups.empty() ? "none" : listed(names_of(mesh.groups))) + ")");
     }
     fixed.insert(fixed.end(), group->nodes.begin(), group->nodes.end());
   }
@@ -143,14 +144,16 @@ void read_body_pins(const YamlMap& yaml, SceneBody& body) {
   if (body.pinned_motion) body.dynamic = yaml.choice("motion", {"dynamic", "static"}) == 0;
   body.simulated = yaml.flag("simulated", true);
   if (!body.dynamic && !may_be_static(body))
-    throw yaml.error("motion", "static needs a body that is held and cannot be cut: a loose piece has nothing but "
-                               "its mass");
+    throw yaml.error("motion",
+                     "static needs a body that is held and cannot be cut: a loose piece has nothing but "
+                     "its mass");
 }
 
 // What can be cut needs room for what cuts add; what tears, how far around a front to look.
 void read_toughness(const YamlMap& yaml, SceneBody& body) {
   body.toughness = yaml.number("toughness", toughness);
   body.max_new_nodes = static_cast<int>(yaml.number("max_new_nodes", new_nodes));
+  body.cutting_viscosity = yaml.number("cutting_viscosity", cutting_viscosity, 0);
   if (!yaml.has("tearing")) return;
   const YamlMap tearing = yaml.map("tearing");
   tearing.only({"radius", "faces_per_step"});
@@ -161,21 +164,21 @@ void read_toughness(const YamlMap& yaml, SceneBody& body) {
 
 SceneBody read_body(const YamlMap& yaml) {
   yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
-             "toughness", "max_new_nodes", "tearing", "elements", "motion", "simulated"});
+             "toughness", "cutting_viscosity", "max_new_nodes", "tearing", "elements", "motion",
+             "simulated"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
   body.mesh_file = yaml.folder() / yaml.text("mesh");
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
-    for (const char* key :
-         {"material", "fixed", "floating", "removable", "toughness", "max_new_nodes", "tearing", "elements",
-          "motion", "simulated"})
+    for (const char* key : {"material", "fixed", "floating", "removable", "toughness", "cutting_viscosity",
+                            "max_new_nodes", "tearing", "elements", "motion", "simulated"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
     body.removable = yaml.flag("removable", false);
-    for (const char* key : {"max_new_nodes", "tearing"})
+    for (const char* key : {"cutting_viscosity", "max_new_nodes", "tearing"})
       if (yaml.has(key) && !yaml.has("toughness"))
         throw yaml.error(key, "needs a toughness, in J/m²: without one nothing cuts or tears this body");
     if (yaml.has("toughness")) read_toughness(yaml, body);

@@ -56,6 +56,8 @@ void describe_body(std::string& out, const SceneBody& body) {
   if (body.toughness > 0)
     line(out, "           toughness %.4g J/m2, room for %d new nodes%s", body.toughness, body.max_new_nodes,
          body.tearing.toughness > 0 ? ", tears" : "");
+  if (body.cutting_viscosity > 0)
+    line(out, "           cutting viscosity %.4g N s/m2", body.cutting_viscosity);
 }
 
 void describe_primitive(std::string& out, const Primitive& p, bool tip) {

@@ -52,9 +52,19 @@ constexpr int tets_per_new_node = 6;
 std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& settings) {
   std::vector<BodySettings> bodies;
   for (const SceneBody& b : scene.bodies)
-    bodies.push_back({b.name, deforms(b), b.mesh, b.material, b.fixed_nodes, scene.friction ? b.friction : 0,
-                      b.removable && deforms(b), b.corotational, b.dynamic,
-                      {b.max_new_nodes, tets_per_new_node * b.max_new_nodes}, b.toughness, b.tearing});
+    bodies.push_back({b.name,
+                      deforms(b),
+                      b.mesh,
+                      b.material,
+                      b.fixed_nodes,
+                      scene.friction ? b.friction : 0,
+                      b.removable && deforms(b),
+                      b.corotational,
+                      b.dynamic,
+                      {b.max_new_nodes, tets_per_new_node * b.max_new_nodes},
+                      b.toughness,
+                      b.tearing,
+                      b.cutting_viscosity});
   return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
 }
 

@@ -1,4 +1,4 @@
-// A haptic loop's contact solves, a millisecond each.
+// A haptic loop's contact solves, a millisecond each unless said otherwise.
 #pragma once
 
 #include <memory>
@@ -9,6 +9,7 @@ namespace hapticd {
 
 // One loop's own state and scratch.
 struct ContactLoop {
+  double period = 1e-3;
   ContactOptions options;
   ContactState state;
   std::unique_ptr<ContactScratch> scratch = std::make_unique<ContactScratch>();
@@ -16,7 +17,7 @@ struct ContactLoop {
   ContactLoop() { options.margin = 0.15e-3; }
 
   ContactSolution solve(const CondensedProblem& problem, const Instrument& instrument, const Pose& X) {
-    return solve_contact(problem, instrument, X, 1e-3, options, state, *scratch);
+    return solve_contact(problem, instrument, X, period, options, state, *scratch);
   }
 };
 

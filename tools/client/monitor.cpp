@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <tuple>
 
 #include "haptic/loop.h"
 #include "tools/cli/report.h"
@@ -30,12 +31,15 @@ void Monitor::poll() {
   geometry_.take_each([this](const hapticd_msg_SceneGeometry& m, const dds_sample_info_t&) {
     Body& body = bodies_[m.body];
     body.name = m.name;
-    body.mesh.nodes = points(m.nodes._buffer, m.nodes._length);
-    body.mesh.tets.clear();
+    TetMesh& mesh = body.geometry.mesh;
+    mesh.nodes = points(m.nodes._buffer, m.nodes._length);
+    mesh.tets.clear();
     for (std::uint32_t i = 0; i + 3 < m.tets._length; i += 4) {
       const std::uint32_t* t = m.tets._buffer + i;
-      body.mesh.tets.push_back({int(t[0]), int(t[1]), int(t[2]), int(t[3])});
+      mesh.tets.push_back({int(t[0]), int(t[1]), int(t[2]), int(t[3])});
     }
+    body.geometry.opened.assign(m.opened._buffer, m.opened._buffer + m.opened._length);
+    if (body.first.nodes.empty()) body.first_geometry = body.geometry;
   });
   update_.take_each([this](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) {
     Body& body = bodies_[m.body];
@@ -54,11 +58,15 @@ StatusRecord Monitor::at(std::int64_t time_ns) const {
 std::vector<std::filesystem::path> Monitor::write_surfaces(const std::filesystem::path& directory) const {
   std::vector<std::filesystem::path> files;
   for (const auto& [id, body] : bodies_) {
-    if (body.mesh.tets.empty()) continue;
-    for (const auto& [when, state] : {std::pair("before", &body.first), std::pair("after", &body.newest)}) {
-      const std::vector<Vec3>& nodes =
-          state->nodes.size() == body.mesh.nodes.size() ? state->nodes : body.mesh.nodes;
-      const DisplaySurface surface = display_surface(body.mesh, nodes, state->alive);
+    if (body.geometry.mesh.tets.empty()) continue;
+    for (const auto& [when, geometry, state] : {std::tuple("before", &body.first_geometry, &body.first),
+                                                std::tuple("after", &body.geometry, &body.newest)}) {
+      const TetMesh& mesh = geometry->mesh;
+      const bool moves = state->nodes.size() == mesh.nodes.size();
+      const DisplaySurface surface = display_surface(
+          mesh, moves ? state->nodes : mesh.nodes,
+          moves ? std::span<const std::uint8_t>(state->alive) : std::span<const std::uint8_t>(),
+          geometry->opened);
       files.push_back(directory / (as_file_name(body.name) + "_" + when + ".vtk"));
       write_file(files.back().string(), to_vtk(surface, body.name + " " + when + ", metres"));
     }

@@ -43,14 +43,19 @@ class Monitor {
   std::vector<std::filesystem::path> write_surfaces(const std::filesystem::path& directory) const;
 
  private:
+  struct Geometry {
+    TetMesh mesh;
+    std::vector<std::uint32_t> opened;  // faces that cuts made
+  };
   struct State {
     std::vector<Vec3> nodes;
     std::vector<std::uint8_t> alive;
   };
+  // A cut brings new geometry; `first` is of the first. Empty: none heard of.
   struct Body {
     std::string name;
-    TetMesh mesh;
-    State first, newest;  // empty nodes: none heard of
+    Geometry first_geometry, geometry;
+    State first, newest;
   };
 
   std::uint32_t device_id_;

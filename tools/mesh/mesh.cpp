@@ -23,7 +23,7 @@ struct MeshOptions {
   std::string file, fix, scene, json;
   bool force = false;
   std::string unit = "m";
-  bool keep_duplicates = false;
+  bool keep_duplicates = false, blade = false;
 };
 
 // A zone reaches 1.6 alarm distances about the tip (simulation/world.cpp), where that touches the surface.
@@ -196,6 +196,7 @@ void check_outputs(const MeshOptions& o) {
   const OutputRule rule(o.force);
   rule.require_new("--fix", o.fix);
   rule.require_figures("--json", o.json);
+  if (o.blade && o.scene.empty()) throw UsageError("--blade is of a scene: say --scene OUT.yaml too");
   if (o.scene.empty()) return;
   const std::string ending = std::filesystem::path(o.scene).extension().string();
   if (ending != ".yaml" && ending != ".yml")
@@ -212,7 +213,7 @@ int run(const MeshOptions& o) {
   if (o.unit == "mm")
     for (Vec3& x : mesh.nodes) x *= 1e-3;
   const MeshQuality quality = measure_mesh(mesh);
-  const SceneDefaults defaults = scene_defaults(mesh, quality);
+  const SceneDefaults defaults = scene_defaults(mesh, quality, o.blade);
   const std::vector<int> zones = zone_sizes(mesh, defaults.tip_radius, defaults.alarm_distance);
   print_quality(mesh, quality, repaired.faults, zones);
   nlohmann::ordered_json json = to_json(mesh, quality, repaired.faults, zones);
@@ -255,6 +256,8 @@ Command add_mesh(CLI::App& application) {
       "write the mesh, tetrahedra turned right side out, duplicate and unused nodes gone; .msh or .vtk");
   app->add_flag("--keep-duplicates", options->keep_duplicates, "nodes at one place stay apart, as in a slit");
   app->add_option("--scene", options->scene, "write a scene that runs, its mesh beside it as OUT_mesh.msh");
+  app->add_flag("--blade", options->blade,
+                "the scene's instrument is a blade that cuts, not a tip that removes");
   app->add_option("--json", options->json, "figures to this file");
   add_force_option(*app, options->force);
   app->footer(

@@ -10,6 +10,8 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include "physics/contact/cutting/edge_sample.h"
+
 namespace hapticd {
 namespace {
 
@@ -17,7 +19,9 @@ constexpr double young = 3e3, poisson = 0.45, density = 1000;
 constexpr double device_stiffness = 400,
                  device_reach = 0.06;  // of a Touch: N/m, and the hand's usual travel [m]
 constexpr double lowest_part = 0.1;
-constexpr double most_fixed = 0.5;  // of the boundary's nodes: a group that holds more is not a support
+constexpr double blade_radii = 2.5, samples_per_edge = 3,
+                 nodes_per_cut = 4;  // … nodes per area of an edge squared
+constexpr double most_fixed = 0.5;   // of the boundary's nodes: a group that holds more is not a support
 
 [[gnu::format(printf, 1, 2)]] std::string format(const char* text, ...) {
   char line[512];
@@ -58,9 +62,48 @@ std::vector<int> lowest_nodes(const TetMesh& mesh) {
   return nodes;
 }
 
+void write_tip(YAML::Emitter& out, double r) {
+  using namespace YAML;
+  const auto key = [&](const char* text) -> Emitter& { return out << Key << text << Value; };
+  key("tip") << "tip";
+  key("primitives") << BeginSeq << Flow << BeginMap;
+  key("name") << "tip";
+  key("shape") << "sphere";
+  key("radius") << r;
+  out << EndMap << Flow << BeginMap;
+  key("name") << "needle";
+  key("shape") << "capsule";
+  key("radius") << 0.9 * r;
+  key("from") << Flow << std::vector<double>{0, 0, 0};
+  key("to") << Flow << std::vector<double>{0, 0, 24 * r};
+  out << EndMap << EndSeq;
+}
+
+void write_blade(YAML::Emitter& out, const SceneDefaults& d) {
+  using namespace YAML;
+  const auto key = [&](const char* text) -> Emitter& { return out << Key << text << Value; };
+  const double near = -2 * d.mean_edge, far = near - d.blade, half = 0.03 * d.mean_edge;
+  std::vector<std::vector<double>> corners;
+  for (const double z : {0.0, d.blade})
+    for (const double x : {far, near})
+      for (const double y : {-half, half}) corners.push_back({x, y, z});
+  key("tip") << "sheet";
+  key("primitives") << Comment("behind the edge: both of its sides touch tissue") << BeginSeq << BeginMap;
+  key("name") << "sheet";
+  key("shape") << "convex";
+  key("points") << Flow << corners;
+  out << EndMap << EndSeq;
+  key("blade") << BeginMap;
+  key("edge") << Flow << std::vector<std::vector<double>>{{0, 0, 0}, {0, 0, d.blade}};
+  key("direction") << Flow << std::vector<double>{1, 0, 0};
+  key("samples") << std::clamp(static_cast<int>(std::lround(samples_per_edge * d.blade / d.mean_edge)), 4,
+                               max_edge_samples);
+  out << EndMap;
+}
+
 }  // namespace
 
-SceneDefaults scene_defaults(const TetMesh& mesh, const MeshQuality& q) {
+SceneDefaults scene_defaults(const TetMesh& mesh, const MeshQuality& q, bool blade) {
   SceneDefaults d;
   const std::vector<int> piece = pieces_of(mesh);
   for (const MeshGroup& g : mesh.groups)
@@ -100,6 +143,17 @@ SceneDefaults scene_defaults(const TetMesh& mesh, const MeshQuality& q) {
       format("scales: 60 mm of the hand are 0.3 diagonals; the coupling feels like the %.0f N/m a Touch "
              "displays",
              device_stiffness)};
+  if (!blade) return d;
+  d.blade = blade_radii * d.tip_radius;
+  d.mean_edge = q.edge.mean;
+  d.toughness = young * q.edge.mean;
+  d.max_new_nodes = static_cast<int>(std::ceil(nodes_per_cut * 0.25 * D * D / (q.edge.mean * q.edge.mean)));
+  d.reasons.push_back(format(
+      "blade: an upright edge of %.3g mm, two and a half of the tip's radii, that cuts along x; toughness "
+      "%.3g J/m2: it yields a mean edge (%.3g mm) deep: put your own",
+      1e3 * d.blade, d.toughness, 1e3 * q.edge.mean));
+  d.reasons.push_back(format("room for %d new nodes: %.3g mm2 of cuts, a quarter of the squared diagonal",
+                             d.max_new_nodes, 1e6 * 0.25 * D * D));
   return d;
 }
 
@@ -133,7 +187,12 @@ std::string scene_text(const SceneDefaults& d, const std::string& name, const st
   key("kind") << "deformable";
   key("mesh") << mesh_file;
   key("fixed") << d.fixed;
-  key("removable") << true;
+  if (d.blade > 0) {
+    key("toughness") << d.toughness << Comment("J/m2: what separating costs");
+    key("max_new_nodes") << d.max_new_nodes << Comment("where they are used up nothing is cut any more");
+  } else {
+    key("removable") << true;
+  }
   key("material") << Flow << BeginMap;
   key("young") << young;
   key("poisson") << poisson;
@@ -144,28 +203,22 @@ std::string scene_text(const SceneDefaults& d, const std::string& name, const st
   out << EndMap << EndMap << EndMap << EndSeq << Newline;
 
   key("instrument") << BeginMap;
-  key("tip") << "tip";
-  key("primitives") << BeginSeq << Flow << BeginMap;
-  key("name") << "tip";
-  key("shape") << "sphere";
-  key("radius") << r;
-  out << EndMap << Flow << BeginMap;
-  key("name") << "needle";
-  key("shape") << "capsule";
-  key("radius") << 0.9 * r;
-  key("from") << Flow << std::vector<double>{0, 0, 0};
-  key("to") << Flow << std::vector<double>{0, 0, 24 * r};
-  out << EndMap << EndSeq;
+  if (d.blade > 0)
+    write_blade(out, d);
+  else
+    write_tip(out, r);
   key("coupling") << Flow << BeginMap;
   key("stiffness") << d.coupling;
   key("rotational_stiffness") << d.rotational_coupling;
   key("damping_time") << 2e-3;
   out << EndMap << EndMap << Newline;
 
-  key("removal") << Flow << BeginMap;
-  key("rate") << 30;
-  key("stroke") << 0.2 * r;
-  out << EndMap << Newline;
+  if (!(d.blade > 0)) {
+    key("removal") << Flow << BeginMap;
+    key("rate") << 30;
+    key("stroke") << 0.2 * r;
+    out << EndMap << Newline;
+  }
   key("device") << "touch" << Newline;
   key("mapping") << Flow << BeginMap;
   key("position_scale") << d.position_scale;

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Draws the paper's Fig. 4 for every method: cost, error and memory over the elements removed.
+"""Draws the paper's Fig. 4 for every method: cost, error and memory over the elements removed, or the cuts.
 
 Reads the JSON of `haptic chart removal` and writes one picture: a column per mesh; rows: update and condense
-of one removal, error of C_pp, memory.
+of one removal or cut, error of C_pp, memory.
 Example: tools/plot/plot_chart_removal.py removal.json removal.png
 """
 import sys
@@ -53,8 +53,9 @@ def draw(data, path):
     figure, grid = plt.subplots(3, len(sizes), figsize=(1.0 + 4.2 * len(sizes), 8.2), squeeze=False,
                                 sharex="col", sharey="row",
                                 gridspec_kw={"height_ratios": [2.2, 1, 1]})
+    cuts = data.get("what") == "cuts"
     rows = (
-        ("time per removal:\nupdate and condense [ms]", lambda p: p["step_us_median"] / 1e3),
+        (("time per cut" if cuts else "time per removal") + ":\nupdate and condense [ms]", lambda p: p["step_us_median"] / 1e3),
         ("error of $C_{pp}$ [relative]", lambda p: max(p["w_rel_error"], 1e-17)),
         ("memory [MB]", lambda p: p["memory_mb"]),
     )
@@ -73,7 +74,7 @@ def draw(data, path):
             if column == 0:
                 axes.set_ylabel(label)
         mark_crossings(grid[0][column], data, nodes, methods)
-        grid[2][column].set_xlabel("elements removed")
+        grid[2][column].set_xlabel("cuts" if cuts else "elements removed")
         grid[2][column].set_xlim(left=0)
     keys = [k for k in STYLES if k in seen]
     per_line = 4 if len(sizes) > 1 else 2

@@ -7,8 +7,8 @@
 namespace hapticd {
 
 DisplaySurface display_surface(const TetMesh& mesh, std::span<const Vec3> nodes,
-                               std::span<const std::uint8_t> alive) {
-  BoundarySurface boundary(mesh);
+                               std::span<const std::uint8_t> alive, std::span<const std::uint32_t> opened) {
+  BoundarySurface boundary(mesh, opened);
   std::vector<int> removed;
   for (std::size_t t = 0; t < mesh.tets.size() && t / 8 < alive.size(); ++t)
     if (!(alive[t / 8] >> (t % 8) & 1)) removed.push_back(static_cast<int>(t));

@@ -113,7 +113,8 @@ const nlohmann::json* LiveSource::health(std::uint32_t device_id) const {
 
 void LiveSource::take_scene() {
   geometry_.take_each([this](const hapticd_msg_SceneGeometry& m, const dds_sample_info_t&) {
-    scene_.tell_body(m.body, m.name ? m.name : "", m.deformable, mesh_of(m));
+    const auto opened = span_of(m.opened);
+    scene_.tell_body(m.body, m.name ? m.name : "", m.deformable, mesh_of(m), {opened.begin(), opened.end()});
   });
   instrument_.take_each([this](const hapticd_msg_SceneInstrument& m, const dds_sample_info_t&) {
     const auto p = span_of(m.primitives);

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "server/observe/diagnostics.h"
-#include "server/observe/health.h"
+#include "server/observe/instrument_shape.h"
 #include "server/record/bag_reader.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_describe.h"
@@ -112,15 +112,18 @@ struct Playback::State {
     if (body.topology == topology[b]) return;
     topology[b] = body.topology;
     TetMesh mesh = scene.bodies[b].mesh;
+    std::vector<std::uint32_t> opened;
     if (body.topology > 0) {
       mesh = {};
+      opened = body.opened;
       for (std::size_t i = 0; i + 2 < body.rest.size(); i += 3)
         mesh.nodes.push_back(Eigen::Map<const Eigen::Vector3f>(&body.rest[i]).cast<double>());
       for (std::size_t i = 0; i + 3 < body.tets.size(); i += 4)
         mesh.tets.push_back({static_cast<int>(body.tets[i]), static_cast<int>(body.tets[i + 1]),
                              static_cast<int>(body.tets[i + 2]), static_cast<int>(body.tets[i + 3])});
     }
-    view.tell_body(static_cast<std::uint32_t>(b), scene.bodies[b].name, true, std::move(mesh));
+    view.tell_body(static_cast<std::uint32_t>(b), scene.bodies[b].name, true, std::move(mesh),
+                   std::move(opened));
   }
 
   struct Stopped {};

@@ -52,7 +52,8 @@ std::vector<std::uint8_t> loose_tets(std::span<const int> across, std::span<cons
   return loose;
 }
 
-void ViewScene::tell_body(std::uint32_t id, const std::string& name, bool deformable, TetMesh mesh) {
+void ViewScene::tell_body(std::uint32_t id, const std::string& name, bool deformable, TetMesh mesh,
+                          std::vector<std::uint32_t> opened) {
   Body body;
   body.name = name;
   body.deformable = deformable;
@@ -61,6 +62,7 @@ void ViewScene::tell_body(std::uint32_t id, const std::string& name, bool deform
   body.nodes = body.rest;
   body.alive.assign(mesh.tets.size(), 1);
   body.mesh = std::move(mesh);
+  body.opened = std::move(opened);
   bodies_[id] = std::move(body);
   scene_changed_ = true;
 }
@@ -85,8 +87,8 @@ void ViewScene::tell_motion(std::uint32_t id, double time, std::span<const float
 }
 
 // A contact of which nobody says who presses is the first instrument's, on tissue.
-void ViewScene::tell_contacts(double time, std::span<const float> instruments, std::span<const float> contacts,
-                              std::span<const std::uint8_t> pressing) {
+void ViewScene::tell_contacts(double time, std::span<const float> instruments,
+                              std::span<const float> contacts, std::span<const std::uint8_t> pressing) {
   time_ = time;
   poses_.assign(instruments.begin(), instruments.end());
   contacts_.assign(contacts.begin(), contacts.end());
@@ -106,7 +108,7 @@ void ViewScene::follow(Body& body) {
     back = back || (body.alive[e] && !body.drawn[e]);
   }
   if (back) {
-    body.surface.emplace(body.mesh);
+    body.surface.emplace(body.mesh, body.opened);
     gone.clear();
     for (std::size_t e = 0; e < body.alive.size(); ++e)
       if (!body.alive[e]) gone.push_back(static_cast<int>(e));
@@ -137,7 +139,7 @@ std::vector<SharedMessage> ViewScene::messages() {
     const std::string of = "/" + std::to_string(id);
     if (!body.moved && !body.is_new) continue;
     if (body.is_new) {
-      body.surface.emplace(body.mesh);
+      body.surface.emplace(body.mesh, body.opened);
       body.across = faces_across(body.mesh.tets);
       body.shell = is_shell(body.mesh, *body.surface);
       body.drawn.assign(body.alive.size(), 1);

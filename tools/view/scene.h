@@ -34,7 +34,9 @@ struct ViewInstrument {
 
 class ViewScene {
  public:
-  void tell_body(std::uint32_t id, const std::string& name, bool deformable, TetMesh mesh);
+  // opened: faces that cuts made (surface.h).
+  void tell_body(std::uint32_t id, const std::string& name, bool deformable, TetMesh mesh,
+                 std::vector<std::uint32_t> opened = {});
   // Number `index` of `count` instruments.
   void tell_instrument(std::uint32_t index, std::uint32_t count, ViewInstrument instrument);
   // nodes: 3 each; alive: 1 bit per tetrahedron, least significant first.
@@ -51,6 +53,7 @@ class ViewScene {
     std::string name;
     bool deformable = false, shell = false;
     TetMesh mesh;
+    std::vector<std::uint32_t> opened;
     std::vector<int> across;  // faces_across
     std::optional<BoundarySurface> surface;
     std::optional<StrainAtNodes> strain;

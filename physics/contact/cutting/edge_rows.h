@@ -1,10 +1,11 @@
 // The law of cutting (edge_sample.h) as rows, and the advance that their solution makes.
 //
 //   row: n = d, δ_n,free as of any contact (rows.h) with gap = δ_e at the linearisation, λ_n ≤ limit
-//   after a solve: advance ← advance + max(0, −δ_n − W_nn (limit − λ_n))
+//   where it is viscous, a second one at the same place: no limit, W_nn + T/(c w_e); λ_e is the sum of both
+//   after a solve: advance ← advance + max(0, −δ_n − W_nn (limit − λ_n)) of the first
 //
-// The last term is what the solver's tolerance leaves at the limit; below it δ_n ≥ 0, and nothing advances. On
-// withdrawing δ_n grows and λ_n falls at once; nothing heals. A front that was realised further than what
+// The last term is what the solver's tolerance leaves at the limit; below it δ_n ≥ 0, and nothing advances.
+// On withdrawing δ_n grows and λ_n falls at once; nothing heals. A front that was realised further than what
 // is remembered counts as it was published. Units: m, N. Guarantee: wait-free, no allocation.
 #pragma once
 
@@ -18,9 +19,11 @@ Vec3 front_position(const CondensedProblem& problem, const PatchPositions& x, in
 // The total that a front's row counts from [m]; known: null where nothing is remembered.
 double total_advance(const EdgeSample& edge, const ContactMemory::Entry* known) noexcept;
 
-// Behind the rows there are, by id: one of each edge sample of an instrument that is present.
+// Behind the rows there are, by id: one or two of each edge sample of an instrument that is present.
+// period: T [s].
 void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_free, const InstrumentPoses& X_lin,
-               const PatchPositions& x_lin, const ContactMemory& memory, ContactRows& rows) noexcept;
+               const PatchPositions& x_lin, const ContactMemory& memory, double period,
+               ContactRows& rows) noexcept;
 
 // How many there will be.
 int count_edges(const CondensedProblem& problem, const InstrumentPoses& X_lin) noexcept;

@@ -1,12 +1,13 @@
-// A sample of a blade's edge against the front of its cut, under the law of cutting (dry, rate-independent).
+// A sample of a blade's edge against the front of its cut, under the law of cutting.
 //
-//   0 ≤ λ_e ≤ J w_e,   a_e ≥ 0,   (J w_e − λ_e) a_e = 0,   λ_e ⟂ δ_e + a_e ≥ 0
+//   0 ≤ λ_e ≤ J w_e + c w_e a_e/T,   a_e ≥ 0,   (J w_e + c w_e a_e/T − λ_e) a_e = 0,   λ_e ⟂ δ_e + a_e ≥ 0
 //   δ_e = d·(x_front − x_edge) + (advance − published advance),   x_front = Σ_a weight[a] · patch node[a]
 //
 // λ_e pushes the tissue along d and the blade along −d. Below the limit J w_e the edge is a frictionless
 // contact with normal d; at the limit the front advances by a_e along d. The advance is plastic: each loop
 // remembers its total, the front published is where `advance` of it was realised, and what is remembered
-// beyond that is added to the gap. J: toughness of the tissue [J/m²]; w_e: the edge's width across d [m].
+// beyond that is added to the gap. J: toughness of the tissue [J/m²]; w_e: the edge's width across d [m]; c:
+// its viscosity against cutting [N·s/m²], by a_e in the solve's period T; 0: dry, rate-independent.
 // Units: m, N. Source: DESIGN §11; Griffith 1921 (J a = work of separation).
 #pragma once
 
@@ -33,6 +34,7 @@ struct EdgeSample {
   Vec3 direction;                    // d, unit, instrument's frame: from the blade into the tissue
   double limit;                      // J w_e [N]
   double advance;                    // of this front since its cut began [m]
+  double viscosity = 0;              // c w_e [N·s/m]
 };
 
 // Of one sample of one instrument's edge: above the ids of tissue samples, below those of pairs.

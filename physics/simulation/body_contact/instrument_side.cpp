@@ -15,7 +15,8 @@ InstrumentSide::InstrumentSide(const CondensedProblem& problem, Instruments inst
       start_(start_coupling(problem, device, h, state.coupling_offset)),
       X_(start_.X_start),
       state_(state),
-      scratch_(scratch) {
+      scratch_(scratch),
+      period_(h) {
   frozen_ = problem.renewal == Renewal::frozen;
   if (frozen_)
     for (int i = 0; i < max_instruments; ++i)
@@ -32,7 +33,8 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
     contacts.patch_positions(scratch_.x);
   first_ = false;
   ContactRows& rows = scratch_.rows;
-  build_rows(problem_, instruments_, start_.X_free, X_, scratch_.x, start_.K_inv, working_, margin_, rows);
+  build_rows(problem_, instruments_, start_.X_free, X_, scratch_.x, start_.K_inv, working_, margin_, rows,
+             nullptr, nullptr, period_);
   ++scratch_.matrix_version;
   lambda = VecX::Zero(rows.rows());
   for (int i = 0; i < rows.contacts; ++i)

@@ -42,7 +42,7 @@ class InstrumentSide {
   ContactState& state_;
   ContactScratch& scratch_;
   ContactMemory working_;
-  double margin_;
+  double margin_, period_;
   bool frozen_;
   bool first_ = true;
 };

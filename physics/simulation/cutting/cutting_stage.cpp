@@ -135,10 +135,11 @@ void CuttingStage::find(const Bodies& bodies, Instruments instruments, const Ins
   nodes_.clear();
   if (!cuts_anything_) return;
   for (int i = 0; i < instruments.count(); ++i) {
-    if (X.present[i])
-      fronts_[i].find(bodies, instruments[i].blade, X[i], reach);
-    else
-      fronts_[i].forget();
+    if (!X.present[i]) {
+      fronts_[i].rest();
+      continue;
+    }
+    fronts_[i].find(bodies, instruments[i].blade, X[i], reach);
     for (const CutFront& f : fronts_[i].all()) {
       if (f.body < 0) continue;
       const Tet& tet = bodies[f.body].model.mesh.tets[f.point.tet];
@@ -161,6 +162,7 @@ void CuttingStage::publish(const Bodies& bodies, Instruments instruments, const 
       e.id = front_id(i, static_cast<int>(k), f);
       e.body = f.body;
       e.limit = body.toughness * instruments[i].blade.sample[k].width;
+      e.viscosity = body.cutting_viscosity * instruments[i].blade.sample[k].width;
       e.advance = f.advance;
       int known = 0;
       for (int a = 0; a < 4; ++a) {

@@ -38,6 +38,15 @@ MaterialPoint point_in(const TissueModel& model, int tet, const Vec3& rest) noex
   return {tet, weights_at(model, tet, rest), rest};
 }
 
+MaterialPoint point_at(const TissueModel& model, int tet, const std::vector<Vec3>& x,
+                       const Vec3& place) noexcept {
+  const Tet& t = model.mesh.tets[tet];
+  const Mat3 F = deformation_gradient(corners_of(t, x), model.gradients[tet]);
+  if (!(F.determinant() > 0)) return {};
+  const MaterialPoint point = point_in(model, tet, model.mesh.nodes[t[0]] + F.inverse() * (place - x[t[0]]));
+  return *std::min_element(point.weight.begin(), point.weight.end()) >= -rounding ? point : MaterialPoint{};
+}
+
 Vec3 place_of(const TissueModel& model, const std::vector<Vec3>& x, const MaterialPoint& point) noexcept {
   Vec3 at = Vec3::Zero();
   for (int a = 0; a < 4; ++a) at += point.weight[a] * x[model.mesh.tets[point.tet][a]];

@@ -2,9 +2,10 @@
 //
 //   x(X) = Σ_a N_a(X) x_a,   N_a(X + s d) = N_a(X) + s g_a·d
 //
-// A walk goes from tetrahedron to tetrahedron through the faces they share. Where a face has no other side, it
-// slides along it if it grazes it, and else ends there. Units: m; weights sum to 1. Shapes: one weight for each corner of the tetrahedron. Errors: a
-// point whose tetrahedron went has `tet` −1. Guarantee: no allocation; bounded by `most_crossings` faces.
+// A walk goes from tetrahedron to tetrahedron through the faces they share. Where a face has no other side,
+// it slides along it if it grazes it, and else ends there. Units: m; weights sum to 1. Shapes: one weight for
+// each corner of the tetrahedron. Errors: a point whose tetrahedron went has `tet` −1. Guarantee: no
+// allocation; bounded by `most_crossings` faces.
 #pragma once
 
 #include <array>
@@ -24,6 +25,11 @@ struct MaterialPoint {
 
 // The point of the tetrahedron with this rest place, which may lie outside of it.
 MaterialPoint point_in(const TissueModel& model, int tet, const Vec3& rest) noexcept;
+
+// The point of the tetrahedron that is at `place` when its nodes are at x; nowhere if that is outside of it,
+// or it is inside out.
+MaterialPoint point_at(const TissueModel& model, int tet, const std::vector<Vec3>& x,
+                       const Vec3& place) noexcept;
 
 Vec3 place_of(const TissueModel& model, const std::vector<Vec3>& x, const MaterialPoint& point) noexcept;
 

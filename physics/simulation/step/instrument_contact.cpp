@@ -1,6 +1,7 @@
 #include "physics/simulation/step/instrument_contact.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "physics/contact/missed_contact.h"
 
@@ -128,10 +129,12 @@ void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& sam
                            ? longest_in_reach(problem, c.instruments, X, way) / settings.alarm_distance
                            : 0;
     const double parts = far > far_step ? std::min(far / contact_margin, most_parts) : 0;
-    const ContactOptions options = contact_options(settings);
+    ContactOptions options = contact_options(settings);
+    options.parts = parts + 1;
     for (int p = 1; p <= parts; ++p)
       solve_contact(problem, c.instruments, displaced(from, way, p / (parts + 1)), settings.h, options,
                     state.solver, *scratch_);
+    options.parts /= parts + 1 - std::floor(parts);  // what is left of the way
     report.contact = solve_contact(problem, c.instruments, X, settings.h, options, state.solver, *scratch_);
     if (last)
       for (int i = 0; i < max_instruments; ++i)

@@ -35,13 +35,12 @@ ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& 
   for (int i = 0; i < max_instruments; ++i)
     if (X.present[i]) from[i] = problem.instrument[i].X_ref;
   const EachInstrument<Vec6> way = difference(X, from);
-  const double parts =
-      on_the_way
-          ? std::min(std::ceil(longest_in_reach(problem, c.instruments, X, way) /
-                               (part_of_way * c.settings.alarm_distance)),
-                     most_parts)
-          : 1;
-  const ContactOptions options = contact_options(c.settings);
+  const double parts = on_the_way ? std::min(std::ceil(longest_in_reach(problem, c.instruments, X, way) /
+                                                       (part_of_way * c.settings.alarm_distance)),
+                                             most_parts)
+                                  : 1;
+  ContactOptions options = contact_options(c.settings);
+  options.parts = std::max(1.0, parts);
   for (int p = 1; p < parts; ++p)
     solve_contact(problem, c.instruments, displaced(from, way, p / parts), h, options, state, *scratch_);
   return solve_contact(problem, c.instruments, X, h, options, state, *scratch_);

@@ -1,6 +1,8 @@
 // What the daemon tells of its health, folded.
 #include "server/observe/health.h"
 
+#include "server/observe/instrument_shape.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -52,17 +54,37 @@ TEST(Health, TheNewestSecondIsKeptOldestFirst) {
   EXPECT_EQ(blocks.count(), 130u);
 }
 
-TEST(Health, ConvexMeshesAreLeftOutOfTheInstrumentsShape) {
+// A box is twelve triangles wound outward, whose area is the box's; a blade's edge is a capsule a piece.
+TEST(Health, AnInstrumentsShapeHasItsConvexPartsAndItsBlade) {
   Instrument instrument;
   Primitive capsule;
   capsule.shape = Shape::capsule;
   capsule.radius = 2;
   capsule.half_length = 3;
   capsule.placement.p = {4, 5, 6};
-  Primitive convex;
-  convex.shape = Shape::convex;
-  instrument.primitives = {convex, capsule};
-  EXPECT_EQ(instrument_shape(instrument), (std::vector<float>{1, 2, 3, 4, 5, 6, 0, 0, 0, 1}));
+  std::vector<Vec3> corners;
+  for (const double x : {0, 1})
+    for (const double y : {0, 2})
+      for (const double z : {0, 3}) corners.push_back(Vec3(x, y, z));
+  instrument.primitives = {capsule, make_convex("box", corners, {Vec3(7, 0, 0), Quat::Identity()})};
+  instrument.blade = make_blade({Vec3(0, 0, 0), Vec3(0, 0, 4)}, Vec3(1, 0, 0), 3);
+  const std::vector<float> shape = instrument_shape(instrument);
+  ASSERT_EQ(shape.size(), 10u * (1 + 12 + 1));
+  EXPECT_EQ(std::vector<float>(shape.begin(), shape.begin() + 10),
+            (std::vector<float>{1, 2, 3, 4, 5, 6, 0, 0, 0, 1}));
+  double area = 0, volume = 0;
+  for (std::size_t i = 10; i < 130; i += 10) {
+    EXPECT_EQ(shape[i], 3);
+    const auto at = [&](std::size_t k) {
+      return Vec3(shape[i + 1 + 3 * k], shape[i + 2 + 3 * k], shape[i + 3 + 3 * k]);
+    };
+    area += 0.5 * (at(1) - at(0)).cross(at(2) - at(0)).norm();
+    volume += at(0).dot(at(1).cross(at(2))) / 6;
+  }
+  EXPECT_NEAR(area, 22, 1e-5);
+  EXPECT_NEAR(volume, 6, 1e-5) << "outward";
+  EXPECT_EQ(std::vector<float>(shape.end() - 10, shape.end()),
+            (std::vector<float>{1, 0.04f, 2, 0, 0, 2, 0, 0, 0, 1}));
 }
 
 }  // namespace

@@ -98,7 +98,7 @@ TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
   }
 }
 
-// A file of version 4 without the number of instruments, the friction between them, who is present, the edge
+// A file of version 5 without the number of instruments, the friction between them, who is present, the edge
 // samples, and of each remembered contact primitive, instrument (an i32 each), the other's anchor and the
 // advance, is one of version 1.
 TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
@@ -155,8 +155,8 @@ TEST_F(CaptureFile, EdgesComeBackWithTheirAdvance) {
   const auto captured = pressed(Renewal::renewed);
   CondensedProblem& p = captured->capture.problem;
   p.edges = 1;
-  p.edge[0] = {edge_id(0, 0),  0,    0, {6, 7, 11, 12}, {0.2, 0.3, 0.4, 0.1}, Vec3(0, 0, -3e-3),
-               -Vec3::UnitZ(), 1e-3, 0};
+  p.edge[0] = {edge_id(0, 0), 0, 0,   {6, 7, 11, 12}, {0.2, 0.3, 0.4, 0.1}, Vec3(0, 0, -3e-3), -Vec3::UnitZ(),
+               1e-3,          0, 0.02};
   ContactState& state = captured->capture.state;
   for (int tick = 0; tick < 20; ++tick) solve(*captured, state, 20 + tick);
   const ContactMemory::Entry* known = state.memory.find(edge_id(0, 0), 0);
@@ -179,8 +179,8 @@ TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
   expect_refused(good + "x", "longer");
   std::string other = good;
-  other[8] = 5;
-  expect_refused(other, "version 5");
+  other[8] = 6;
+  expect_refused(other, "version 6");
   other = good;
   other[12] = 9;
   expect_refused(other, "byte order");

@@ -173,11 +173,13 @@ TEST_F(SceneInstruments, FaultsOfAnEntryAreNamedThere) {
 TEST_F(SceneInstruments, ABladeIsAnEdgeOnTissueThatHasAToughness) {
   const std::string blade =
       "    blade:\n      edge: [[-0.1, 0, 0], [0.1, 0, 0]]\n      direction: [0, 0, -2]\n      samples: 4\n";
-  const std::string with_blade =
-      with(with(two_hands, "    removable: true\n", "    removable: true\n    toughness: 120\n    max_new_nodes: 500\n"),
-           "    device: falcon\n", blade + "    device: falcon\n");
+  const std::string with_blade = with(
+      with(two_hands, "    removable: true\n",
+           "    removable: true\n    toughness: 120\n    cutting_viscosity: 30\n    max_new_nodes: 500\n"),
+      "    device: falcon\n", blade + "    device: falcon\n");
   const Scene scene = read(with_blade);
   EXPECT_EQ(scene.bodies[0].toughness, 120);
+  EXPECT_EQ(scene.bodies[0].cutting_viscosity, 30);
   EXPECT_TRUE(scene.instruments[0].shape.blade.sample.empty());
   const Blade& read_back = scene.instruments[1].shape.blade;
   ASSERT_EQ(read_back.sample.size(), 4u);
@@ -196,9 +198,11 @@ TEST_F(SceneInstruments, ABladeIsAnEdgeOnTissueThatHasAToughness) {
                     1 + static_cast<int>(std::count(text.begin(), end, '\n')));
   };
   expect("    max_new_nodes: 500\n", "", "  - name:", "bodies[0].max_new_nodes", "missing");
-  expect("    toughness: 120\n", "", "max_new_nodes", "bodies[0].max_new_nodes", "needs a toughness");
+  expect("    toughness: 120\n", "", "cutting_viscosity", "bodies[0].cutting_viscosity", "needs a toughness");
+  expect("viscosity: 30", "viscosity: -1", "cutting_viscosity", "bodies[0].cutting_viscosity", "at least 0");
   expect("toughness: 120", "toughness: 0", "toughness", "bodies[0].toughness", "above 0");
-  expect("    toughness: 120\n    max_new_nodes: 500\n", "", "blade:", "instruments[1].blade", "no body can be cut");
+  expect("    toughness: 120\n    cutting_viscosity: 30\n    max_new_nodes: 500\n", "",
+         "blade:", "instruments[1].blade", "no body can be cut");
   expect("samples: 4", "samples: 33", "samples", "instruments[1].blade.samples", "32");
   expect("direction: [0, 0, -2]", "direction: [0, 0, 0]", "direction", "instruments[1].blade.direction",
          "is zero");

@@ -4,12 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <map>
 
 #include "server/observe/diagnostics.h"
 #include "tests/support/mesh_shapes.h"
+#include "tools/view/frames.h"
 
 namespace hapticd {
 namespace {
@@ -59,6 +61,22 @@ TEST(ViewScene, ABodyIsToldOnceAndThenWhatMoved) {
   // The daemon was started again: what was gone is back.
   scene.tell_motion(3, 3, nodes, std::vector<std::uint8_t>{0b11});
   EXPECT_EQ(word(messages_of(scene)["surface/3"], 8), 6u);
+}
+
+// Two tetrahedra that a cut has parted: eight faces, of which the two at the cut are shown as cut. Ids that are
+// none are left out.
+TEST(ViewScene, FacesThatACutMadeAreShownAsCut) {
+  TetMesh parted = pair();
+  for (const int n : {1, 2, 3}) parted.nodes.push_back(parted.nodes[static_cast<std::size_t>(n)]);
+  parted.tets[1] = {5, 6, 7, 4};
+  ViewScene scene;
+  scene.tell_body(3, "pair", true, pair());
+  messages_of(scene);
+  scene.tell_body(3, "pair", true, parted, {0, 4 + 3, 4000});
+  const std::string surface = messages_of(scene)["surface/3"];
+  ASSERT_EQ(word(surface, 8), 8u);
+  const std::string flags = surface.substr(surface.size() - 8);
+  EXPECT_EQ(std::count_if(flags.begin(), flags.end(), [](char f) { return f & view_cut; }), 2);
 }
 
 // Told of two, then a daemon with one: the second is gone.

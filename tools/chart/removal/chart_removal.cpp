@@ -20,48 +20,49 @@ double us_since(Clock::time_point begin) {
   return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
 }
 
-Vec3 centroid(const TissueModel& model, int tet) {
-  Vec3 sum = Vec3::Zero();
-  for (const int n : model.mesh.tets[tet]) sum += 0.25 * model.mesh.nodes[n];
-  return sum;
-}
-
 double median(std::vector<double> values) { return quantiles(std::move(values)).p50; }
 
 // One method on one body, driven as the simulation drives it.
 class Run {
  public:
   Run(const TissueModel& model, const ChartMethod& method, const ChartSettings& settings)
-      : model_(model), method_(method), settings_(settings), state_(rest_state(model)) {
-    compliance_ = make_compliance(method.method, model, settings.h, method.options);
+      : body_(model), method_(method), settings_(settings) {
+    compliance_ = make_compliance(method.method, body_.model(), settings.h, method.options);
     references_ = as_reference_compliance(compliance_.get());
   }
 
   void start(const Vec3& tip) {
     move_zone(tip);
     const auto begin = Clock::now();
-    compliance_->update(state_);
+    compliance_->update(state());
     if (method_.keeps_reference || !method_.works_in_update) reference_ms_.push_back(1e-3 * us_since(begin));
     // The first calls fault their pages in.
     MatX block;
     for (int i = 0; i < 2; ++i) {
-      if (method_.works_in_update) compliance_->update(state_);
-      condense(nearest_live_nodes(model_, state_, tip, settings_.patch_nodes), block);
+      if (method_.works_in_update) compliance_->update(state());
+      condense(nearest_live_nodes(model(), state(), tip, settings_.patch_nodes), block);
     }
   }
 
-  // Removes one element; returns what telling it cost [µs].
-  double remove(int tet) {
-    remove_tets(model_, state_, std::span(&tet, 1));
-    const auto begin = Clock::now();
-    compliance_->remove(state_, std::span(&tet, 1));
+  // Returns what telling it cost [µs]; of a cut, with the cutting of the mesh.
+  double damage(const DamageStep& step) {
+    const int nodes = model().nodes_in_use;
+    auto begin = Clock::now();
+    const std::span<const int> tets = body_.apply(step);
+    if (tets.empty()) return 0;
+    if (step.tet >= 0) {
+      begin = Clock::now();
+      compliance_->remove(state(), tets);
+    } else {
+      compliance_->reshape(state(), tets);
+    }
     const double cost = us_since(begin);
-    if (method_.keeps_reference)
-      for (const int n : model_.mesh.tets[tet])
-        if (!model_.fixed[n] && !in_zone_[n]) {
-          ++carried_;
-          break;
-        }
+    // New nodes are appended to the zone.
+    for (int n = nodes; n < model().nodes_in_use; ++n) in_zone_[n] = 1;
+    appended_ += model().nodes_in_use - nodes;
+    for (const int t : tets)
+      carried_ += std::any_of(model().mesh.tets[t].begin(), model().mesh.tets[t].end(),
+                              [&](int n) { return !model().fixed[n] && !in_zone_[n]; });
     return cost;
   }
 
@@ -69,23 +70,23 @@ class Run {
   // Returns what of that falls into the step [µs].
   double follow(const Vec3& tip, std::span<const int> patch) {
     const bool covered = std::all_of(patch.begin(), patch.end(), [&](int n) { return in_zone_[n] != 0; });
-    if (covered && carried_ < most_carried) return 0;
+    if (covered && carried_ < most_carried && appended_ < most_appended) return 0;
     move_zone(tip);
     if (!method_.keeps_reference) return 0;
-    std::unique_ptr<ReferenceFactor> base = references_->snapshot_reference(state_);
+    std::unique_ptr<ReferenceFactor> base = references_->snapshot_reference(state());
     auto begin = Clock::now();
     base->make();
     reference_ms_.push_back(1e-3 * us_since(begin));
     begin = Clock::now();
-    references_->adopt_reference(std::move(base), state_);
+    references_->adopt_reference(std::move(base), state());
     adopt_us_.push_back(us_since(begin));
-    carried_ = 0;
+    carried_ = appended_ = 0;
     return adopt_us_.back();
   }
 
   double update() {
     const auto begin = Clock::now();
-    compliance_->update(state_);
+    compliance_->update(state());
     return us_since(begin);
   }
 
@@ -98,34 +99,35 @@ class Run {
   }
 
   Compliance& compliance() { return *compliance_; }
-  const TissueState& state() const { return state_; }
+  const TissueModel& model() const { return body_.model(); }
+  const TissueState& state() const { return body_.state(); }
 
   ReferenceCost reference_cost() const {
-    ReferenceCost cost{
-        method_.name, method_.order, model_.node_count(), static_cast<int>(reference_ms_.size()), 0, 0};
+    ReferenceCost cost{method_.name, method_.order, nodes_, static_cast<int>(reference_ms_.size()), 0, 0};
     cost.reference_ms_median = median(reference_ms_);
     cost.adopt_us_max = quantiles(adopt_us_).max;
     return cost;
   }
 
  private:
-  static constexpr int most_carried = 48;  // elements not wholly inside the zone that a base carries here
+  static constexpr int most_carried = 48;  // elements not wholly inside the zone that a base carries here …
+  static constexpr int most_appended = 64;  // … and new nodes
 
   void move_zone(const Vec3& tip) {
-    const std::vector<int> zone = nearest_live_nodes(model_, state_, tip, settings_.zone_nodes);
-    in_zone_.assign(model_.node_count(), 0);
+    const std::vector<int> zone = nearest_live_nodes(model(), state(), tip, settings_.zone_nodes);
+    in_zone_.assign(model().node_count(), 0);
     for (const int n : zone) in_zone_[n] = 1;
     compliance_->move_zone(zone);
   }
 
-  const TissueModel& model_;
+  Specimen body_;
+  int nodes_ = body_.model().nodes_in_use;  // to begin with
   const ChartMethod& method_;
   const ChartSettings& settings_;
-  TissueState state_;
   std::unique_ptr<Compliance> compliance_;
   ReferenceCompliance* references_ = nullptr;  // the same; null: it keeps no reference factor
   std::vector<std::uint8_t> in_zone_;
-  int carried_ = 0;
+  int carried_ = 0, appended_ = 0;
   std::vector<double> reference_ms_, adopt_us_;
 };
 
@@ -173,44 +175,6 @@ std::vector<ChartMethod> chart_methods() {
   return {exact, zone, updown, metis, lazy, rebased, dense};
 }
 
-std::vector<HoleStep> growing_hole(const TissueModel& model, int count) {
-  Vec3 pole = model.mesh.nodes.front();
-  for (const Vec3& x : model.mesh.nodes)
-    if (x.z() > pole.z()) pole = x;
-  const double mean_volume =
-      std::accumulate(model.volume.begin(), model.volume.end(), 0.0) / model.tet_count();
-  const double edge = std::cbrt(6 * std::sqrt(2.0) * mean_volume);  // of a regular tetrahedron
-  const double reach = 1.5 * edge;
-
-  struct Left {
-    int tet;
-    int shell;
-    Vec3 centre;
-  };
-  std::vector<Left> left(model.tet_count());
-  for (int t = 0; t < model.tet_count(); ++t) {
-    const Vec3 centre = centroid(model, t);
-    left[t] = {t, static_cast<int>((centre - pole).norm() / (2 * edge)), centre};
-  }
-  std::vector<HoleStep> hole;
-  const auto wanted = std::min<std::size_t>(static_cast<std::size_t>(std::max(count, 0)), left.size());
-  Vec3 tip = pole;
-  while (hole.size() < wanted) {
-    // Those in reach go first, nearest first; the others stay in their order.
-    const auto distance = [&](const Left& l) { return (l.centre - tip).norm(); };
-    const auto rest = std::stable_partition(left.begin(), left.end(),
-                                            [&](const Left& l) { return distance(l) < reach; });
-    std::sort(left.begin(), rest, [&](const Left& a, const Left& b) { return distance(a) < distance(b); });
-    for (auto l = left.begin(); l != rest && hole.size() < wanted; ++l) hole.push_back({l->tet, tip});
-    left.erase(left.begin(), rest);
-    if (left.empty()) break;
-    tip = std::min_element(left.begin(), left.end(), [&](const Left& a, const Left& b) {
-            return a.shell != b.shell ? a.shell < b.shell : distance(a) < distance(b);
-          })->centre;
-  }
-  return hole;
-}
-
 std::vector<int> nearest_live_nodes(const TissueModel& model, const TissueState& state, const Vec3& point,
                                     int count) {
   std::vector<std::pair<double, int>> near;
@@ -246,46 +210,50 @@ MatX oracle_columns(const TissueModel& model, const TissueState& state, double h
   return result;
 }
 
-RemovalChart chart_removals(const TissueModel& model, std::span<const ChartMethod> methods,
-                            const ChartSettings& settings,
+RemovalChart chart_removals(const TissueModel& model, std::span<const DamageStep> steps,
+                            std::span<const ChartMethod> methods, const ChartSettings& settings,
                             const std::function<bool(double, const std::string&)>& progress) {
   RemovalChart chart;
-  // A tenth of the body is left, so that there is always a patch.
-  const std::vector<HoleStep> hole = growing_hole(model, std::min(settings.removals, model.tet_count() * 9 / 10));
-  const int count = static_cast<int>(hole.size());
+  const auto count = static_cast<int>(
+      std::count_if(steps.begin(), steps.end(), [](const DamageStep& s) { return s.counts; }));
   if (count == 0) return chart;
   const int points = std::min(settings.points, count);
   const auto end_of = [&](int point) { return (point + 1) * count / points; };
   const double parts = static_cast<double>(methods.size()) + 1;
 
   std::vector<Checkpoint> oracle;
-  TissueState state = rest_state(model);
+  Specimen body(model);
+  auto next = steps.begin();
   for (int p = 0, k = 0; p < points; ++p) {
-    std::vector<int> gone;
-    for (; k < end_of(p); ++k) gone.push_back(hole[k].tet);
-    remove_tets(model, state, gone);
-    oracle.push_back(checkpoint(model, state, hole[k - 1].tip, settings));
+    for (; k < end_of(p); ++next) {
+      body.apply(*next);
+      k += next->counts;
+    }
+    oracle.push_back(checkpoint(body.model(), body.state(), std::prev(next)->tip, settings));
     if (!progress((p + 1) / (points * parts), "oracle")) return chart;
   }
 
   for (std::size_t m = 0; m < methods.size(); ++m) {
     const ChartMethod& method = methods[m];
-    if (method.most_nodes > 0 && model.node_count() > method.most_nodes) continue;
+    if (method.most_nodes > 0 && model.nodes_in_use > method.most_nodes) continue;
     const std::string label = method.name + (method.order == "metis" ? " (METIS)" : "");
     Run run(model, method, settings);
-    run.start(hole[0].tip);
+    run.start(steps.front().tip);
+    next = steps.begin();
     MatX block;
     for (int p = 0, k = 0; p < points; ++p) {
       const int begin = k;
       const int stride = std::max(1, (end_of(p) - begin) / settings.timed_per_point);
-      std::vector<double> updates, condenses, steps;
+      std::vector<double> updates, condenses, whole;
       double spent = 0;
-      for (; k < end_of(p); ++k) {
-        const Vec3& tip = hole[k].tip;
-        const double told = run.remove(hole[k].tet);
-        const bool last = k + 1 == end_of(p);
-        const bool enough = steps.size() >= 2 && spent > 1e6 * settings.seconds_per_point;
-        const bool timed = last || ((k - begin) % stride == stride / 2 && !enough);
+      for (; k < end_of(p); ++next) {
+        const Vec3& tip = next->tip;
+        const double told = run.damage(*next);
+        if (!next->counts) continue;
+        ++k;
+        const bool last = k == end_of(p);
+        const bool enough = whole.size() >= 2 && spent > 1e6 * settings.seconds_per_point;
+        const bool timed = last || ((k - 1 - begin) % stride == stride / 2 && !enough);
         if (!method.works_in_update) updates.push_back(told);
         if (!timed && !method.keeps_reference) continue;
         const std::vector<int> patch = nearest_live_nodes(model, run.state(), tip, settings.patch_nodes);
@@ -297,21 +265,22 @@ RemovalChart chart_removals(const TissueModel& model, std::span<const ChartMetho
         const double work = method.works_in_update ? told + swap + updated : told;
         if (method.works_in_update) updates.push_back(work);
         condenses.push_back(condensed);
-        steps.push_back(work + condensed);
-        if (!progress((1 + static_cast<double>(m) + static_cast<double>(k) / count) / parts, label)) return chart;
+        whole.push_back(work + condensed);
+        if (!progress((1 + static_cast<double>(m) + static_cast<double>(k) / count) / parts, label))
+          return chart;
       }
       const Quantiles update = quantiles(updates);
       RemovalPoint point;
       point.method = method.name;
       point.order = method.order;
-      point.nodes = model.node_count();
-      point.tets = model.tet_count();
+      point.nodes = model.nodes_in_use;
+      point.tets = model.tets_in_use;
       point.removed = k;
       point.update_us_median = update.p50;
       point.update_us_p99 = update.p99;
       point.condense_us_median = median(condenses);
-      point.step_us_median = median(steps);
-      point.timed = static_cast<int>(steps.size());
+      point.step_us_median = median(whole);
+      point.timed = static_cast<int>(whole.size());
       point.patch_nodes = static_cast<int>(oracle[p].patch.size());
       run.condense(oracle[p].patch, block);
       const MatX& columns = oracle[p].columns;

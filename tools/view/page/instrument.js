@@ -5,6 +5,7 @@ import { matter } from './material.js';
 import { PRESSED_TISSUE } from './protocol.js';
 
 const MOST_CONTACTS = 128;
+const TRIANGLE = 3;  // a record of nine coordinates
 const TINT = 0.3;  // of an instrument's colour in its steel
 
 function primitive(shape, radius, half) {
@@ -46,13 +47,24 @@ class Instrument {
       mesh.geometry.dispose();
       this.body.remove(mesh);
     }
+    const corners = [];  // of the triangles of convex parts
     for (let i = 0; i + 10 <= list.length; i += 10) {
+      if (list[i] === TRIANGLE) {
+        corners.push(...list.slice(i + 1, i + 10));
+        continue;
+      }
       const mesh = new THREE.Mesh(primitive(list[i], list[i + 1], list[i + 2]), this.steel);
       mesh.position.set(list[i + 3], list[i + 4], list[i + 5]);
       mesh.quaternion.set(list[i + 6], list[i + 7], list[i + 8], list[i + 9]);
       this.body.add(mesh);
     }
-    this.tip = list.length >= 10 ? list[1] : 0.001;
+    if (corners.length) {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(corners), 3));
+      geometry.computeVertexNormals();
+      this.body.add(new THREE.Mesh(geometry, this.steel));
+    }
+    this.tip = list.length >= 10 && list[0] !== TRIANGLE ? list[1] : 0.001;
   }
 
   setPose([x, y, z, qx, qy, qz, qw], now, interval) {

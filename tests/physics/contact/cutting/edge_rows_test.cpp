@@ -141,6 +141,43 @@ TEST(Cutting, TheFartherOfRememberedAndPublishedFrontCounts) {
   EXPECT_NEAR(hand.force(*edge_problem(0.3e-3, 5), 0.35e-3), k * 0.05e-3, 1e-9 * limit);
 }
 
+// Drawn steadily at v, the hand feels J w + c w v, whatever the tick is; at rest the force creeps to J w. Its
+// work is J · area + elastic + Σ (c w/T) a².
+TEST(Cutting, AViscousEdgeFeelsToughnessAndSpeed) {
+  constexpr double viscosity = 0.05;  // c w [N·s/m]
+  for (const Renewal renewal : {Renewal::renewed, Renewal::frozen})
+    for (const double T : {1e-3, 20e-3})
+      for (const double speed : {5e-3, 20e-3}) {
+        const auto p = edge_problem();
+        p->renewal = renewal;
+        p->edge[0].viscosity = viscosity;
+        Hand hand;
+        hand.period = T;
+        EXPECT_NEAR(hand.force(*p, 0.5 * limit / k), 0.5 * limit, 1e-10 * limit);
+        EXPECT_EQ(hand.advance(*p), 0);
+        // The spring takes up the viscous force with the time constant c w/k = 1 ms.
+        double depth = 0.5 * limit / k, last = 0.5 * limit, work = 0, damped = 0;
+        const auto go = [&](double by) {
+          const double before = hand.advance(*p), force = hand.force(*p, depth += by),
+                       a = hand.advance(*p) - before;
+          EXPECT_NEAR(force, a > 0 ? limit + viscosity * a / T : k * (depth - hand.advance(*p)),
+                      1e-9 * limit);
+          // Implicit Euler's own: the spring is taken up by the tick's last force.
+          work += force * by - 0.5 * (force - last) * (force - last) / k;
+          damped += viscosity * a * a / T;
+          last = force;
+        };
+        for (int tick = 0; tick < 60; ++tick) go(speed * T);
+        EXPECT_NEAR(last, limit + viscosity * speed, 1e-9 * limit) << T << ' ' << speed;
+        const double elastic = 0.5 * (last * last - 0.25 * limit * limit) / k;
+        EXPECT_NEAR(work, limit * hand.advance(*p) + elastic + damped, 1e-9 * work);
+        for (int tick = 0; tick < 60; ++tick) go(0);
+        EXPECT_NEAR(last, limit, 1e-9 * limit) << "it creeps until it is dry";
+        EXPECT_NEAR(hand.force(*p, depth - 0.5 * limit / k), 0.5 * limit, 1e-9 * limit)
+            << "at once, as if dry";
+      }
+}
+
 // A sphere of 2 mm in a sheet, turned at random, with eight edge samples in front of it, each on four nodes.
 struct Sheet {
   std::unique_ptr<CondensedProblem> problem;
@@ -157,7 +194,8 @@ struct Sheet {
     for (int e = 0; e < 8; ++e) {
       EdgeSample& edge = problem->edge[e];
       const int a = e % 4 + 5 * (e / 4 + 1);
-      edge = {edge_id(0, e), 0, 0, {a, a + 1, a + 6, a + 5}, {0.1, 0.4, 0.2, 0.3}, Vec3::Zero(), Vec3::Zero(), most, 0};
+      edge = {edge_id(0, e), 0,    0, {a, a + 1, a + 6, a + 5}, {0.1, 0.4, 0.2, 0.3}, Vec3::Zero(),
+              Vec3::Zero(),  most, 0};
       edge.direction = X.q.conjugate() * (unit_vector(random) - 2 * Vec3::UnitZ()).normalized();
       const Vec3 front = front_position(*problem, problem->x_free, e);
       edge.place = X.to_local(front) + uniform(random, -0.05e-3, 0.15e-3) * edge.direction;

@@ -30,28 +30,29 @@ Instrument knife() {
   return i;
 }
 
-BodySettings block(int new_nodes) {
+BodySettings block(int new_nodes, double viscosity) {
   BodySettings b{"block", true, box_mesh(size, 8, 4, 4, 5), {5000, 0.4, 1000, 5, 0.002}, {}, 0, false};
   b.fixed_nodes = b.mesh.group("bottom")->nodes;
   b.toughness = toughness;
+  b.cutting_viscosity = viscosity;
   b.room = {new_nodes, 6 * new_nodes};
   return b;
 }
 
 class KnifeInBlock : public testing::Test {
  protected:
-  void make(int new_nodes) {
+  void make(int new_nodes, double viscosity = 0) {
     WorldSettings settings;
     settings.h = h;
     settings.alarm_distance = 1.5e-3;
     settings.sample_spacing = 1e-3;
     settings.coupling[0] = {500, 0.05, 0};
-    world_.emplace(std::vector<BodySettings>{block(new_nodes)}, knife(), settings);
+    world_.emplace(std::vector<BodySettings>{block(new_nodes, viscosity)}, knife(), settings);
   }
   // The edge's height above the block's top; returns the force on the hand, upwards [N].
   double step(double above) {
     const InstrumentSample sample{
-        {Vec3(size.x() / 2 + 0.1e-3, size.y() / 2, size.z() + above), Quat::Identity()}, true};
+        {Vec3(size.x() / 2 + 0.1e-3, size.y() / 2, size.z() + above), Quat::Identity()}, present_};
     report_ = world_->step([&] { return InstrumentSamples(sample); }, *problem_);
     return report_.contact.wrench[0].z();
   }
@@ -67,6 +68,7 @@ class KnifeInBlock : public testing::Test {
   std::optional<World> world_;
   std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
   StepReport report_;
+  bool present_ = true;
 };
 
 TEST_F(KnifeInBlock, BelowItsToughnessTheEdgeIsAContact) {
@@ -97,6 +99,19 @@ TEST_F(KnifeInBlock, AboveItTheHandFeelsToughnessTimesWidth) {
   EXPECT_FALSE(report_.out_of_room);
 }
 
+// c = 50 N·s/m²: at 10 mm/s half of the toughness's force comes to it.
+TEST_F(KnifeInBlock, AViscousCutCostsMoreByItsSpeed) {
+  for (const double speed : {5e-3, 10e-3}) {
+    make(500, 50);
+    go(1e-3, -1.5e-3, speed);
+    const std::vector<double> force = go(-1.5e-3, -3.5e-3, speed);
+    double mean = 0;
+    for (const double f : force) mean += f / static_cast<double>(force.size());
+    const double expected = (toughness + 50 * speed) * size.y();
+    EXPECT_NEAR(mean, expected, 0.03 * expected) << speed;
+  }
+}
+
 TEST_F(KnifeInBlock, ItsForceGoesAtOnceWhenItWithdrawsAndTheCutStays) {
   make(500);
   go(1e-3, -2e-3, 10e-3);
@@ -106,6 +121,32 @@ TEST_F(KnifeInBlock, ItsForceGoesAtOnceWhenItWithdrawsAndTheCutStays) {
   EXPECT_EQ(world_->cutting().area(), area);
   const std::vector<double> again = go(-1e-3, -1.6e-3, 10e-3);
   for (const double f : again) EXPECT_LT(f, 0.5 * toughness * size.y()) << "nothing has healed";
+}
+
+// A device that is silent for some steps has neither force nor lost its cut.
+TEST_F(KnifeInBlock, ASilentDeviceGoesOnWithItsCut) {
+  make(500);
+  go(1e-3, -1.5e-3, 10e-3);
+  present_ = false;
+  for (const double f : go(-1.5e-3, -2.1e-3, 10e-3)) EXPECT_EQ(f, 0);
+  present_ = true;
+  go(-2.1e-3, -2.5e-3, 10e-3);
+  double mean = 0;
+  for (const double f : go(-2.5e-3, -3.5e-3, 10e-3)) mean += f / 5;
+  EXPECT_NEAR(mean, toughness * size.y(), 0.03 * toughness * size.y());
+  EXPECT_NEAR(world_->cutting().area(), size.y() * 3.5e-3, 0.15 * size.y() * 3.5e-3);
+}
+
+// One that comes back farther on, or first appears inside, cuts from there.
+TEST_F(KnifeInBlock, ABladeThatIsInsideCutsFromWhereItIs) {
+  make(500);
+  step(-2e-3);
+  EXPECT_LT(std::abs(step(-2e-3)), 0.05 * toughness * size.y());
+  go(-2e-3, -2.5e-3, 10e-3);
+  double mean = 0;
+  for (const double f : go(-2.5e-3, -3.5e-3, 10e-3)) mean += f / 5;
+  EXPECT_NEAR(mean, toughness * size.y(), 0.03 * toughness * size.y());
+  EXPECT_LT(world_->cutting().area(), size.y() * 1.6e-3);
 }
 
 TEST_F(KnifeInBlock, CutThroughItIsTwoPieces) {
@@ -144,7 +185,7 @@ TEST_F(KnifeInBlock, WithoutABladeNothingIsCut) {
   Primitive tip;
   tip.radius = 1e-3;
   ball.primitives = {tip};
-  world_.emplace(std::vector<BodySettings>{block(500)}, ball, settings);
+  world_.emplace(std::vector<BodySettings>{block(500, 0)}, ball, settings);
   go(2e-3, -1e-3, 10e-3);
   EXPECT_EQ(model().nodes_in_use, 9 * 5 * 5);
   EXPECT_EQ(problem_->edges, 0);

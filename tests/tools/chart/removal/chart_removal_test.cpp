@@ -15,20 +15,20 @@
 namespace hapticd {
 namespace {
 
-TissueModel box() {
+TissueModel box(const MeshRoom& room = {}) {
   const Vec3 size(8e-3, 8e-3, 6e-3);
   TetMesh mesh = box_mesh(size, 4, 4, 3);
   jitter_interior(mesh, size, 3e-4, 5);
   const std::vector<int> bottom = mesh.group("bottom")->nodes;
-  return make_tissue_model(std::move(mesh), {3000, 0.45, 1000, 2, 2e-3}, bottom, Vec3::Zero());
+  return make_tissue_model(std::move(mesh), {3000, 0.45, 1000, 2, 2e-3}, bottom, Vec3::Zero(), room);
 }
 
 TEST(ChartRemoval, TheHoleIsCompactAndTakesEachElementOnce) {
   const TissueModel model = box();
-  const std::vector<HoleStep> all = growing_hole(model, 100000);
+  const std::vector<DamageStep> all = growing_hole(model, 100000);
   ASSERT_EQ(static_cast<int>(all.size()), model.tet_count());
   std::set<int> taken;
-  for (const HoleStep& step : all) taken.insert(step.tet);
+  for (const DamageStep& step : all) taken.insert(step.tet);
   EXPECT_EQ(static_cast<int>(taken.size()), model.tet_count());
   // The tip stands for many removals, and takes only what it reaches.
   int moves = 0;
@@ -48,7 +48,7 @@ TEST(ChartRemoval, TheOracleIsTheDenseInverse) {
   const TissueModel model = box();
   TissueState state = rest_state(model);
   std::vector<int> gone;
-  for (const HoleStep& step : growing_hole(model, 90)) gone.push_back(step.tet);
+  for (const DamageStep& step : growing_hole(model, 90)) gone.push_back(step.tet);
   remove_tets(model, state, gone);
   const std::vector<int> nodes = nearest_live_nodes(model, state, Vec3(4e-3, 4e-3, 4e-3), 12);
   ASSERT_EQ(nodes.size(), 12u);
@@ -56,25 +56,27 @@ TEST(ChartRemoval, TheOracleIsTheDenseInverse) {
   const MatX columns = oracle_columns(model, state, 0.02, nodes, 10);
   for (int c = 0; c < 10; ++c)
     for (int i = 0; i < 12; ++i)
-      EXPECT_LT((columns.block<3, 1>(3 * i, c) - C.block<3, 1>(3 * nodes[i], 3 * nodes[c / 3] + c % 3)).norm(),
-                1e-12 * C.norm());
+      EXPECT_LT(
+          (columns.block<3, 1>(3 * i, c) - C.block<3, 1>(3 * nodes[i], 3 * nodes[c / 3] + c % 3)).norm(),
+          1e-12 * C.norm());
 }
 
 TEST(ChartRemoval, EveryMethodIsRightAtEveryPoint) {
   const TissueModel model = box();
   ChartSettings settings;
-  settings.removals = 120;
   settings.points = 4;
   settings.zone_nodes = 30;
   settings.patch_nodes = 12;
   const std::vector<ChartMethod> methods = chart_methods();
+  const std::vector<DamageStep> hole = growing_hole(model, 120);
   double last = 0;
-  const RemovalChart chart = chart_removals(model, methods, settings, [&](double fraction, const std::string&) {
-    EXPECT_GE(fraction, last);
-    EXPECT_LE(fraction, 1);
-    last = fraction;
-    return true;
-  });
+  const RemovalChart chart =
+      chart_removals(model, hole, methods, settings, [&](double fraction, const std::string&) {
+        EXPECT_GE(fraction, last);
+        EXPECT_LE(fraction, 1);
+        last = fraction;
+        return true;
+      });
   ASSERT_EQ(chart.points.size(), 4 * methods.size());
   for (const RemovalPoint& p : chart.points) {
     EXPECT_LT(p.w_rel_error, 1e-10) << p.method << " " << p.order << " " << p.removed;
@@ -87,8 +89,39 @@ TEST(ChartRemoval, EveryMethodIsRightAtEveryPoint) {
     EXPECT_EQ(p.patch_nodes, 12);
   }
   const RemovalChart stopped =
-      chart_removals(model, methods, settings, [](double, const std::string&) { return false; });
+      chart_removals(model, hole, methods, settings, [](double, const std::string&) { return false; });
   EXPECT_TRUE(stopped.points.empty());
+}
+
+// Cuts through a box that lose nothing of it: every method's C_pp is that of the mesh as it is then.
+TEST(ChartRemoval, EveryMethodIsRightAfterEveryCut) {
+  const BladeWay way = way_of_blade(box({2000, 12000}), 48);
+  ASSERT_EQ(way.cuts, 48);
+  EXPECT_TRUE(way.strips.back().counts);
+  EXPECT_GT(way.used.nodes, 48);
+  const TissueModel model = box(way.used);
+  Specimen body(model);
+  double before = 0, after = 0;
+  for (int t = 0; t < model.tets_in_use; ++t) before += model.volume[t];
+  for (const DamageStep& step : way.strips) EXPECT_EQ(body.apply(step).empty(), !step.counts);
+  for (int t = 0; t < body.model().tets_in_use; ++t) after += body.model().volume[t];
+  EXPECT_NEAR(after, before, 1e-12 * before);
+  EXPECT_EQ(body.model().nodes_in_use, model.node_count()) << "its room is what it needs";
+
+  ChartSettings settings;
+  settings.points = 4;
+  settings.zone_nodes = 30;
+  settings.patch_nodes = 12;
+  const std::vector<ChartMethod> methods = chart_methods();
+  const RemovalChart chart =
+      chart_removals(model, way.strips, methods, settings, [](double, const std::string&) { return true; });
+  ASSERT_EQ(chart.points.size(), 4 * methods.size());
+  for (const RemovalPoint& p : chart.points) {
+    EXPECT_LT(p.w_rel_error, 1e-10) << p.method << " " << p.order << " " << p.removed;
+    EXPECT_GT(p.update_us_median, 0);
+    EXPECT_EQ(p.removed % 12, 0);
+    EXPECT_EQ(p.nodes, model.nodes_in_use);
+  }
 }
 
 TEST(ChartRemoval, FlatnessAndCrossingsByHand) {
@@ -113,7 +146,7 @@ TEST(ChartRemoval, FlatnessAndCrossingsByHand) {
   EXPECT_FALSE(flatness(points, "zone", "zone_last", 8));  // one point has no slope
   EXPECT_FALSE(flatness(points, "lazy", "metis", 7));
   EXPECT_DOUBLE_EQ(*crossing(points, "exact", "lazy", 7), 200);
-  EXPECT_FALSE(crossing(points, "zone", "lazy", 8));  // never
+  EXPECT_FALSE(crossing(points, "zone", "lazy", 8));          // never
   EXPECT_DOUBLE_EQ(*crossing(points, "lazy", "zone", 8), 0);  // from the start
 }
 
@@ -145,8 +178,8 @@ TEST(ChartRemoval, TheCommandLeavesFiguresPointsAndAPicture) {
 }
 
 TEST(ChartRemoval, WrongUsageIsTwo) {
-  for (const char* arguments : {"chart", "chart removal --sizes 7k", "chart removal --methods magic",
-                                "chart removal --removals 3"})
+  for (const char* arguments :
+       {"chart", "chart removal --sizes 7k", "chart removal --methods magic", "chart removal --removals 3"})
     EXPECT_EQ(run_haptic(arguments).code, 2) << arguments;
 }
 
