@@ -6,6 +6,7 @@
 
 #include "physics/simulation/world.h"
 #include "tests/support/mesh_shapes.h"
+#include "tools/chart/step/drawn_blade.h"
 #include "tools/cli/report.h"
 
 namespace hapticd {
@@ -15,20 +16,6 @@ constexpr double toughness = 0.5, speed = 10e-3;                                
 constexpr double block_x = 24e-3, block_y = 12e-3, block_z = 10e-3, depth = 4e-3;  // m
 constexpr double first_x = -3e-3, measured_from = 7e-3, last_x = 15e-3;
 constexpr int samples = 16, samples_above = 4;
-
-Instrument blade_instrument() {
-  constexpr double width = depth / (samples - samples_above);
-  constexpr double edge_length = samples * width;
-  Instrument i;
-  // The edge along z in the instrument's frame, its middle at the origin; it cuts along x.
-  i.blade = make_blade({Vec3(0, 0, -edge_length / 2), Vec3(0, 0, edge_length / 2)}, Vec3(1, 0, 0), samples);
-  std::vector<Vec3> corners;
-  for (const double x : {-12e-3, -3e-3})
-    for (const double y : {-0.05e-3, 0.05e-3})
-      for (const double z : {-edge_length / 2, edge_length / 2}) corners.push_back(Vec3(x, y, z));
-  i.primitives = {make_convex("sheet", corners, {})};
-  return i;
-}
 
 }  // namespace
 
@@ -51,14 +38,14 @@ BladeDraw draw_blade(double h, int cells) {
   settings.alarm_distance = 2e-3;
   settings.sample_spacing = 1e-3;
   settings.coupling[0] = {500, 0.05, 0};
-  World world({block}, blade_instrument(), settings);
+  constexpr double width = depth / (samples - samples_above);
+  World world({block}, sheet_blade(samples * width, samples), settings);
 
   BladeDraw out;
   out.h_ms = 1e3 * h;
   out.mesh = cells;
   out.expected_n = toughness * depth;
   // A quarter of a sample low: the block's top bulges by less than what is then left to the next sample.
-  constexpr double width = depth / (samples - samples_above);
   const double edge_middle = block_z - depth + (0.5 * samples - 0.25) * width;
   auto problem = std::make_unique<CondensedProblem>();
   double sum = 0, squares = 0, area_before = 0, energy_before = 0;

@@ -7,6 +7,7 @@
 #include "tools/chart/cut/blade_draw.h"
 #include "tools/chart/cut/cut_cost.h"
 #include "tools/chart/cut/tearing_beam.h"
+#include "tools/chart/step/chart_step.h"
 #include "tools/cli/command.h"
 #include "tools/cli/interrupt.h"
 #include "tools/cli/progress.h"
@@ -32,8 +33,25 @@ nlohmann::ordered_json to_json(const CutCost& c) {
           {"flatness", rounded(c.flatness, 3)}};
 }
 
-nlohmann::ordered_json to_json(const CutCostFigures& f, const std::vector<BladeDraw>& draws,
-                               const std::vector<TearingBeam>& beams) {
+constexpr double cut_depth = 1e-3;  // of the steps' blade [m]
+
+// Steps of the lens while a blade cuts it.
+std::vector<StepCase> cutting_steps(const CutOptions& options) {
+  std::vector<StepCase> cases;
+  for (const StepLens& lens : step_lenses()) {
+    if (lens.name != "1k" && (lens.name != "5k" || options.quick)) continue;
+    StepCase of;
+    of.lens = lens;
+    of.method = ComplianceMethod::zone;
+    of.cut_depth = cut_depth;
+    of.steps = options.quick ? 100 : 600;
+    cases.push_back(of);
+  }
+  return cases;
+}
+
+nlohmann::ordered_json to_json(const CutCostFigures& f, const std::vector<StepPoint>& steps,
+                               const std::vector<BladeDraw>& draws, const std::vector<TearingBeam>& beams) {
   nlohmann::ordered_json json;
   json["command"] = "chart cut";
   json["nodes"] = f.nodes;
@@ -50,6 +68,20 @@ nlohmann::ordered_json to_json(const CutCostFigures& f, const std::vector<BladeD
   json["quality_min"] = rounded(f.quality_min, 4);
   json["inverted"] = f.inverted;
   json["mesh"] = f.invalid.empty() ? "valid" : f.invalid;
+  json["steps"] = nlohmann::ordered_json::array();
+  for (const StepPoint& p : steps) {
+    const nlohmann::ordered_json ms = {{"p50", rounded(p.step_ms_median, 2)},
+                                       {"p99", rounded(p.step_ms_p99, 2)},
+                                       {"max", rounded(p.step_ms_max, 2)}};
+    json["steps"].push_back({{"nodes", p.nodes},
+                             {"compliance", p.compliance},
+                             {"steps_that_cut", p.split_steps},
+                             {"nodes_added", p.nodes_added},
+                             {"references", p.bases},
+                             {"uncovered_steps", p.uncovered_steps},
+                             {"step_ms", ms}});
+    json["step_ms"] = ms;  // of the largest
+  }
   json["draw"] = nlohmann::ordered_json::array();
   for (const BladeDraw& d : draws)
     json["draw"].push_back({{"h_ms", d.h_ms},
@@ -89,13 +121,20 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
   prepare_outputs("cut", "", options.out, options.json, options.csv, options.force);
   keep_malloc_pages();
   CutCostFigures cost;
+  std::vector<StepPoint> cutting;
   std::vector<BladeDraw> draws;
   std::vector<TearingBeam> beams;
   {
     Progress progress("chart");
-    cost = chart_cut_cost(read_lens(options.lens, {4 * options.count, 3 * options.count}), options.count, 0.02,
-                          [&](double fraction) {
-                            progress.show(0.4 * fraction, "cuts of the " + options.lens + " lens");
+    for (const StepCase& of : cutting_steps(options))
+      cutting.push_back(chart_step(of, [&](double) {
+        progress.show(0.05 * static_cast<double>(cutting.size()),
+                      "steps that cut the " + of.lens.name + " lens");
+        return !interrupted();
+      }));
+    cost = chart_cut_cost(read_lens(options.lens, {4 * options.count, 3 * options.count}), options.count,
+                          0.02, [&](double fraction) {
+                            progress.show(0.1 + 0.3 * fraction, "cuts of the " + options.lens + " lens");
                             return !interrupted();
                           });
     const std::vector<double> steps =
@@ -119,6 +158,13 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
   std::printf("  C_pp %.1e off; least quality of what cuts made %.3f (before %.3f); inverted %d; mesh %s\n",
               cost.c_rel_error, cost.quality_min, cost.quality_before, cost.inverted,
               cost.invalid.empty() ? "valid" : cost.invalid.c_str());
+  for (const StepPoint& p : cutting) {
+    std::printf("  %d nodes, %s, cut at 10 mm/s: step p50 %.2f, p99 %.2f, max %.2f ms in %d steps that cut; ",
+                p.nodes, p.compliance.c_str(), p.step_ms_median, p.step_ms_p99, p.step_ms_max, p.split_steps);
+    for (std::size_t k = 0; k < step_parts; ++k)
+      std::printf("%s %.2f%s", name_of(static_cast<StepPart>(k)), p.parts_ms[k],
+                  k + 1 < step_parts ? ", " : "\n");
+  }
   for (const BladeDraw& d : draws)
     std::printf(
         "  blade, h %4.0f ms, %d cells: force %.3f ± %.3f mN of %.3f; work %.4f mJ, J·area %.4f, elastic "
@@ -128,7 +174,7 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
   for (const TearingBeam& b : beams)
     std::printf("  beam, %5d nodes: tears at %.4f mN, theory %.4f (%+.1f %%)\n", b.nodes, 1e3 * b.load_n,
                 1e3 * b.theory_n, 100 * (b.load_n / b.theory_n - 1));
-  if (!options.json.empty()) write_json(options.json, to_json(cost, draws, beams));
+  if (!options.json.empty()) write_json(options.json, to_json(cost, cutting, draws, beams));
   return 0;
 }
 

@@ -21,6 +21,7 @@ using Clock = std::chrono::steady_clock;
 constexpr int zone_nodes = 160, patch_nodes = 60;
 constexpr int most_carried = 48;  // changed elements not wholly inside the zone
 constexpr double quality_bound = 0.05;
+constexpr double edge_width = 0.5e-3;  // of the blade [m]
 
 double us_since(Clock::time_point begin) {
   return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
@@ -138,12 +139,19 @@ CutCost summed(const std::vector<double>& us, int count, double before, double a
   return cost;
 }
 
-// Where a blade is that goes along x in planes of constant z, from the highest down.
+// Where a blade is that goes to and fro along x: in planes of constant z, from the highest down, and there in
+// lanes that its edge covers, one beside the other.
 struct Place {
-  int plane;
-  double along;
+  Place(int in_plane, const Vec3& x)
+      : plane(in_plane), lane(static_cast<int>(std::floor(x.y() / edge_width))), at(x) {}
+  int plane, lane;
   Vec3 at;
-  bool operator<(const Place& o) const { return plane != o.plane ? plane < o.plane : along < o.along; }
+  double along() const { return (plane + lane) % 2 == 0 ? at.x() : -at.x(); }
+  bool operator<(const Place& o) const {
+    if (plane != o.plane) return plane < o.plane;
+    if (lane != o.lane) return plane % 2 == 0 ? lane < o.lane : lane > o.lane;
+    return along() < o.along();
+  }
 };
 
 struct Planes {
@@ -189,7 +197,7 @@ CutCostFigures chart_cut_cost(TissueModel model_with_room, int count, double h,
     const int plane = planes.of(middle.z());
     if (std::abs(normal.z()) < 0.5 || std::abs(middle.z() - planes.middle(plane)) > 0.5 * planes.distance)
       continue;
-    faces.push_back({{plane, middle.x(), middle}, id});
+    faces.push_back({{plane, middle}, id});
   }
   std::sort(faces.begin(), faces.end(), [](const Face& a, const Face& b) { return a.place < b.place; });
   if (faces.empty()) return figures;
@@ -231,7 +239,7 @@ CutCostFigures chart_cut_cost(TissueModel model_with_room, int count, double h,
         const double s = (z - p.z()) / (q.z() - p.z());
         if (s < 0.25 || s > 0.75) continue;
         const Vec3 at = p + s * (q - p);
-        edges.push_back({{plane, at.x(), at}, a, b, s});
+        edges.push_back({{plane, at}, a, b, s});
       }
   std::sort(edges.begin(), edges.end(), [](const Crossed& l, const Crossed& r) {
     if (l.place < r.place || r.place < l.place) return l.place < r.place;

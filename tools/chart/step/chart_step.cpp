@@ -13,6 +13,7 @@
 #include "haptic/loop.h"
 #include "server/app/reference_maker.h"
 #include "server/scene/scene_world.h"
+#include "tools/chart/step/drawn_blade.h"
 #include "tools/chart/step/travelling_tip.h"
 #include "tools/cli/report.h"
 
@@ -27,6 +28,22 @@ constexpr int fewest_steps = 10;
 
 void be_nice() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), 19); }
 
+// In place of the tip: cuts as deep as that, from the first one through the middle on.
+BladeWay put_blade(Scene& scene, double depth) {
+  constexpr double edge = 1.6e-3, toughness = 0.1;  // [m], [J/m²]: a 30th of a millimetre of the lens's E
+  constexpr int samples = 16, new_nodes = 8000;
+  SceneBody& lens = scene.bodies[0];
+  lens.removable = false;
+  lens.toughness = toughness;
+  lens.max_new_nodes = new_nodes;
+  scene.first().shape = sheet_blade(edge, samples);
+  double top = lens.mesh.nodes[0].z();
+  for (const Vec3& x : lens.mesh.nodes) top = std::max(top, x.z());
+  BladeWay way;
+  way.height = top - depth + edge / 2;
+  return way;
+}
+
 bool keeps_references(ComplianceMethod method) {
   return method == ComplianceMethod::zone || method == ComplianceMethod::lazy;
 }
@@ -39,8 +56,11 @@ class StepRun {
   explicit StepRun(const StepCase& of)
       : case_(of),
         scene_(lens_under_tip(of.lens.name, of.lens.alarm_distance, of.lens.sample_spacing)),
-        tip_(scene_, {}),
         times_(monotonic_ns) {
+    if (of.cut_depth > 0)
+      way_ = [way = put_blade(scene_, of.cut_depth)](double t) { return drawn_blade(way, t); };
+    else
+      way_ = [tip = TravellingTip(scene_, {})](double t) { return tip.at(t); };
     scene_.compliance = of.method;
     scene_.bodies[0].corotational = of.corotational;
     scene_.first().removal.rate = of.removals_per_s;
@@ -79,7 +99,7 @@ class StepRun {
   void step(int k) {
     InstrumentSample sample[2];
     for (int i = 0; i < 2; ++i) {
-      sample[i].pose = tip_.at(period * k + i * latch_after);
+      sample[i].pose = way_(period * k + i * latch_after);
       sample[i].present = true;
       sample[i].phaco = case_.removals_per_s > 0;
     }
@@ -98,6 +118,8 @@ class StepRun {
     done.nodes = problem_->nodes;
     done.contacts = report.contact.contacts;
     done.active = report.contact.active;
+    done.counts = case_.cut_depth == 0 || report.split;
+    point_.split_steps += report.split;
     point_.removed += report.removed;
     point_.bases += report.references_adopted;
     point_.uncovered_steps += report.uncovered_nodes > 0;
@@ -107,6 +129,9 @@ class StepRun {
     bases_.stop();
     const auto skipped = std::min<std::size_t>(warm_up, done_.size() / 3);
     done_.erase(done_.begin(), done_.begin() + static_cast<std::ptrdiff_t>(skipped));
+    std::erase_if(done_, [](const Step& s) { return !s.counts; });
+    point_.nodes_added =
+        world_->bodies()[0].model.nodes_in_use - static_cast<int>(scene_.bodies[0].mesh.nodes.size());
     point_.model = case_.corotational ? "corotational" : "linear";
     point_.compliance = name_of(case_.method);
     point_.nodes = static_cast<int>(scene_.bodies[0].mesh.nodes.size());
@@ -137,7 +162,7 @@ class StepRun {
 
   const StepCase& case_;
   Scene scene_;
-  TravellingTip tip_;
+  std::function<Pose(double)> way_;
   PartTimes times_;
   std::unique_ptr<World> world_;
   std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
@@ -146,6 +171,7 @@ class StepRun {
     double ms = 0;
     StepParts parts_ms{};
     int nodes = 0, contacts = 0, active = 0;
+    bool counts = true;
   };
   std::vector<Step> done_;
   StepPoint point_;

@@ -1,10 +1,11 @@
 // The simulation step of a lens under a travelling tip, part by part, over size, model and compliance.
 //
-// Each step is the daemon's (server/app/simulation_loop.h): adopt the bases that are ready, World::step, ask for
-// the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep bases
-// run at the daemon's cadence, a 50 Hz grid with the bases made by a thread of lowest priority; the others
-// one step after another. There is no haptic loop beside it. Friction is 0.1, geometry renewed.
-// Contacts are samples within the margin, of friction each: three rows of W. Parts are
+// Each step is the daemon's (server/app/simulation_loop.h): adopt the bases that are ready, World::step, ask
+// for the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep
+// bases run at the daemon's cadence, a 50 Hz grid with the bases made by a thread of lowest priority; the
+// others one step after another. There is no haptic loop beside it. Friction is 0.1, geometry renewed.
+// Contacts are samples within the margin, of friction each: three rows of W. Instead of the tip, a blade can
+// be drawn through the lens (drawn_blade.h): then only steps in which it cuts are counted. Parts are
 // physics/part_times.h's. Units in the names.
 #pragma once
 
@@ -33,6 +34,7 @@ struct StepCase {
   bool corotational = true;
   ComplianceMethod method = ComplianceMethod::exact;
   double removals_per_s = 0;
+  double cut_depth = 0;  // of a blade at 10 mm/s in place of the tip [m]
   int steps = 500;
   double seconds = 60;  // a slow case ends here, after ten steps at least
 };
@@ -46,9 +48,11 @@ struct StepPoint {
   int contacts = 0;     // median: rows, three with friction
   int active = 0;       // … of them with a force, median
   int removed = 0;
+  int split_steps = 0;  // in which the mesh was cut
+  int nodes_added = 0;  // by cuts
   int bases = 0;
   double reference_ms_median = 0;  // on the other thread
-  int uncovered_steps = 0;    // with patch nodes outside the zone
+  int uncovered_steps = 0;         // with patch nodes outside the zone
   int steps = 0;
   double step_ms_median = 0, step_ms_p99 = 0, step_ms_max = 0;
   double over_20ms = 0;  // share of the steps
