@@ -92,7 +92,9 @@ class Panel {
     for (int k = 0; k + 1 < used.count; ++k) fill_node(used.node[k], load);
     // What is behind the last node may not be C's.
     if (used.count > 0)
-      fill_node(used.node[used.count - 1], [](const double* p) noexcept { return Lanes{p[0], p[1], p[2], 0}; });
+      fill_node(used.node[used.count - 1], [](const double* p) noexcept {
+        return Lanes{p[0], p[1], p[2], 0};
+      });
   }
 
   bool deforms_ = false;

@@ -9,9 +9,9 @@
 //   use: a
 //              step 50 times a second that the error hides, and a hand feels
 //
-// Nothing is removed, a blade cuts, no limit of the device acts; the first 0.1 s hold the first pose and are not in the result.
-// Costs are CPU time of this thread; a reference factor that another thread would make is in `cost_ms` alone.
-// Units: N on the instrument, ms. A run that throws or goes out of bounds is empty.
+// Nothing is removed, a blade cuts, no limit of the device acts; the first 0.1 s hold the first pose and are
+// not in the result. Costs are CPU time of this thread; a reference factor that another thread would make is
+// in `cost_ms` alone. Units: N on the instrument, ms. A run that throws or goes out of bounds is empty.
 #pragma once
 
 #include <span>

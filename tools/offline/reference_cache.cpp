@@ -109,9 +109,9 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
     for (const Vec3& x : b.mesh.nodes) hash.vector(x);
     for (const Tet& t : b.mesh.tets) hash.bytes(t.data(), sizeof t);
     for (const int n : b.fixed_nodes) hash.number(n);
-    for (const double x : {b.material.young, b.material.poisson, b.material.density, b.material.rayleigh_mass,
-                           b.material.rayleigh_stiffness, b.friction, b.toughness, b.tearing.toughness,
-                           b.tearing.radius})
+    for (const double x :
+         {b.material.young, b.material.poisson, b.material.density, b.material.rayleigh_mass,
+          b.material.rayleigh_stiffness, b.friction, b.toughness, b.tearing.toughness, b.tearing.radius})
       hash.number(x);
     hash.number(b.corotational);
     hash.number(b.max_new_nodes);

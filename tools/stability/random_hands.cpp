@@ -33,7 +33,8 @@ class Episode {
         watch_(scene_, daemon_.world().bodies(), hands.front().peak_speed),
         nodes_(nodes_in_use()) {
     for (int i = 0; i < static_cast<int>(hands.size()); ++i) {
-      hand_.emplace_back(seed + 1'000'003 * static_cast<std::uint64_t>(i), hands[static_cast<std::size_t>(i)]);
+      hand_.emplace_back(seed + 1'000'003 * static_cast<std::uint64_t>(i),
+                         hands[static_cast<std::size_t>(i)]);
       connected_[i] = true;
       hand_.back().turned = on_device(i).q;
       hand_.back().state.x = hand_.back().before = on_device(i).p;
@@ -201,8 +202,7 @@ void add(const RandomReport& part, RandomReport& sum) {
 }  // namespace
 
 RandomReport run_random(const Scene& scene, const std::vector<StrayingHand>& hands,
-                        const RandomSettings& settings,
-                        const std::function<bool(double)>& progress) {
+                        const RandomSettings& settings, const std::function<bool(double)>& progress) {
   const auto run = [&](std::uint64_t seed, std::int64_t ticks, RandomReport& part,
                        const std::function<bool(std::int64_t)>& done) {
     const auto episode = std::make_unique<Episode>(scene, hands, settings, seed, part);

@@ -31,9 +31,9 @@ struct RandomSettings {
 struct RandomReport : TrialTally {
   int hands = 1;
   bool passivity_control = false;
-  double cut_area = 0;             // by blades [m²]
-  int nodes_added = 0;             // … by cuts, all episodes
-  int out_of_room = 0;             // episodes that ended without room for more
+  double cut_area = 0;                             // by blades [m²]
+  int nodes_added = 0;                             // … by cuts, all episodes
+  int out_of_room = 0;                             // episodes that ended without room for more
   std::int64_t both_in_contact = 0, touching = 0;  // ticks
   double made = 0;                                 // largest of the episodes' [J]
   double made_by_episode = 0;                      // … their mean [J]
@@ -48,7 +48,6 @@ struct RandomReport : TrialTally {
 
 // hands: of the scene's instruments the first so many. `progress(fraction)` returns false to stop.
 RandomReport run_random(const Scene& scene, const std::vector<StrayingHand>& hands,
-                        const RandomSettings& settings,
-                        const std::function<bool(double)>& progress);
+                        const RandomSettings& settings, const std::function<bool(double)>& progress);
 
 }  // namespace hapticd

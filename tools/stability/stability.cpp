@@ -89,7 +89,8 @@ bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityCh
   random.seed = settings.random_seed;
   random.passivity_control = true;
   bool on = true;
-  chart.random.push_back(run_random(cataract, lens_hands(1), random, [&](double f) { return on = progress(0.9 * f); }));
+  chart.random.push_back(
+      run_random(cataract, lens_hands(1), random, [&](double f) { return on = progress(0.9 * f); }));
   if (!on) return false;
   random.passivity_control = false;  // a tenth of it, for comparison
   random.ticks /= 10;
@@ -119,8 +120,9 @@ bool strayed_together(const char*, StabilityBench&, const Settings& settings, St
   bool on = true;
   for (const int hands : {2, 1}) {
     const double from = hands == 2 ? 0 : 0.7;
-    chart.random_two.push_back(run_random(
-        scene, lens_hands(hands), random, [&](double f) { return on = progress(from + (hands == 2 ? 0.7 : 0.3) * f); }));
+    chart.random_two.push_back(run_random(scene, lens_hands(hands), random, [&](double f) {
+      return on = progress(from + (hands == 2 ? 0.7 : 0.3) * f);
+    }));
     if (!on) return false;
   }
   return true;
@@ -163,7 +165,6 @@ constexpr Entry entries[] = {
     {"remnant on few nodes", swept<plan_remnant>, 30},
     {"blade below its limit", swept<plan_blade_below>, 2},
     {"blade at its limit", swept<plan_blade_at>, 2},
-    {"burst through", swept<plan_burst>, 3},
     {"cut to the last bridge", swept<plan_bridge>, 20},
     {"fast stroke", swept<plan_fast_stroke>, 1},
     {"packet loss", swept<plan_packet_loss>, 1},

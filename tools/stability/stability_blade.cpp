@@ -1,4 +1,4 @@
-// Modes of a blade: pressed below and at the force at which it cuts, and through the far side.
+// Modes of a blade: pressed below and at the force at which it cuts.
 //
 // A level edge, wider than a block of the cube's tissue, with a sheet above it, comes down on the block's
 // middle. J w is the force at which it cuts; K, how stiff the block is against the edge below that, is from
@@ -18,21 +18,18 @@ constexpr double above = 1e-3;                                     // where pres
 constexpr int edge_samples = 16;
 constexpr double least_scale = 1e-6;
 
-enum class Held { at_bottom, at_both_ends };
-
 // Its top is at z = 0, the blade's edge above its middle.
-Scene blade_scene(const StabilityBench& bench, Held held, double thickness) {
+Scene blade_scene(const StabilityBench& bench) {
   Scene scene = bench.scene();
   scene.alarm_distance = 2e-3;
   scene.sample_spacing = 1e-3;
   SceneBody& body = scene.bodies.front();
-  constexpr double length = 12e-3;
-  const int layers = std::max(2, static_cast<int>(std::lround(thickness / 1.5e-3)));
-  body.mesh = box_mesh(Vec3(length, width, thickness), 8, 4, layers, 5);
+  constexpr double length = 12e-3, thickness = 6e-3;
+  body.mesh = box_mesh(Vec3(length, width, thickness), 8, 4, 4, 5);
   body.fixed_nodes.clear();
   for (int n = 0; n < static_cast<int>(body.mesh.nodes.size()); ++n) {
     Vec3& x = body.mesh.nodes[static_cast<std::size_t>(n)];
-    if (held == Held::at_bottom ? x.z() == 0 : x.x() == 0 || x.x() == length) body.fixed_nodes.push_back(n);
+    if (x.z() == 0) body.fixed_nodes.push_back(n);
     x -= Vec3(0.5 * length - 0.1e-3, 0.5 * width, thickness);
   }
   body.removable = false;
@@ -40,8 +37,8 @@ Scene blade_scene(const StabilityBench& bench, Held held, double thickness) {
   body.max_new_nodes = 800;
   Instrument& knife = scene.first().shape;
   knife = {};
-  knife.blade = make_blade({Vec3(0, -edge_length / 2, 0), Vec3(0, edge_length / 2, 0)}, Vec3(0, 0, -1),
-                           edge_samples);
+  knife.blade =
+      make_blade({Vec3(0, -edge_length / 2, 0), Vec3(0, edge_length / 2, 0)}, Vec3(0, 0, -1), edge_samples);
   std::vector<Vec3> corners;
   for (const double x : {-0.05e-3, 0.05e-3})
     for (const double y : {-edge_length / 2, edge_length / 2})
@@ -91,7 +88,7 @@ StabilityPlan pressed(StabilityBench& bench, bool quick, double share, double cu
   plan.reason = "100 N/m: as of the modes of time";
   plan.required = 100;
   plan.values = quick ? std::vector<double>{100, 1600} : geometric(25, 25600, 2);
-  const StabilityBench knife(blade_scene(bench, Held::at_bottom, 6e-3));
+  const StabilityBench knife(blade_scene(bench));
   const Block block = press_slowly(knife);
   const auto run = [=](double displayed, Rendering rendering) {
     const double scale = displayed / block.stiffness;
@@ -100,7 +97,8 @@ StabilityPlan pressed(StabilityBench& bench, bool quick, double share, double cu
     const double depth = 2 * share * block.gives + cut + pressed_with / knife.press().hand.stiffness;
     DaemonRendererOptions options;
     options.rendering = rendering;
-    const ClosedLoopSettings s = press_to(knife, depth, deeper * (1 + displayed / knife.press().hand.stiffness));
+    const ClosedLoopSettings s =
+        press_to(knife, depth, deeper * (1 + displayed / knife.press().hand.stiffness));
     return by_swing(knife.daemon(scale, s, options), s.hand);
   };
   plan.run_naive = [run](double displayed) { return run(displayed, Rendering::held); };
@@ -118,51 +116,8 @@ StabilityPlan plan_blade_below(StabilityBench& bench, bool quick) {
 
 StabilityPlan plan_blade_at(StabilityBench& bench, bool quick) {
   StabilityPlan plan = pressed(bench, quick, 1, 1.5e-3, 0.3e-3);
-  plan.parameter = "displayed stiffness [N/m] of a block in which a blade comes to rest at the force it cuts with";
-  return plan;
-}
-
-StabilityPlan plan_burst(StabilityBench& bench, bool quick) {
-  StabilityPlan plan;
-  plan.parameter = "speed of a hand that cuts through a block held at its ends [mm/s]";
-  plan.naive = "contact force held for the 20 ms of a simulation step";
-  plan.ours = "the daemon";
-  plan.judged = "RMS of the force off steps of 1 ms, from the far side on [% of J w]";
-  plan.limit = 30;
-  plan.reason = "10 mm/s: the speed of cutting that is charted";
-  plan.required = 10;
-  plan.values = quick ? std::vector<double>{10, 80} : geometric(5, 160, 2);
-  constexpr double thickness = 4e-3, beyond = 4e-3, scale = 8;
-  const StabilityBench knife(blade_scene(bench, Held::at_both_ends, thickness));
-  const auto run = [=](double mm_s, Rendering rendering, double rate) {
-    ClosedLoopSettings s =
-        press_to(knife, thickness + beyond + scale * limit / knife.press().hand.stiffness, 1e-6);
-    s.press.speed = 1e-3 * mm_s;
-    s.press.hold = 0.2;
-    DaemonRendererOptions options;
-    options.rendering = rendering;
-    options.publish_after = std::min(options.publish_after, 1 / rate);
-    return knife.daemon(scale, s, options, rate);
-  };
-  const auto trial = [=](double mm_s, Rendering rendering) {
-    const ClosedLoopResult truth = run(mm_s, Rendering::solved, 1000);
-    ClosedLoopResult r = run(mm_s, rendering, 50);
-    double sum = 0;
-    int n = 0;
-    // From where it cuts last.
-    double last = 0;
-    for (const ClosedLoopTick& tick : truth.ticks)
-      if (tick.force > 0.5 * scale * limit) last = tick.t;
-    for (std::size_t k = 0; k < std::min(r.ticks.size(), truth.ticks.size()); ++k)
-      if (std::abs(truth.ticks[k].t - last) <= 0.1) {
-        const double off = r.ticks[k].force - truth.ticks[k].force;
-        sum += off * off;
-        ++n;
-      }
-    return trial_of(n > 0 ? 100 * std::sqrt(sum / n) / (scale * limit) : 100, std::move(r));
-  };
-  plan.run_naive = [trial](double mm_s) { return trial(mm_s, Rendering::held); };
-  plan.run_ours = [trial](double mm_s) { return trial(mm_s, Rendering::solved); };
+  plan.parameter =
+      "displayed stiffness [N/m] of a block in which a blade comes to rest at the force it cuts with";
   return plan;
 }
 

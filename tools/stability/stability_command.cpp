@@ -363,8 +363,9 @@ Command add_stability(CLI::App& application) {
                   "of random, carve, random two and random cuts, default a million")
       ->check(CLI::PositiveNumber);
   app->add_option("--seed", options->settings.random_seed,
-                  "of the first episode of random (40 000 ticks), carve (100 000) and random cuts (8 000); the next has "
-      "the next")
+                  "of the first episode of random (40 000 ticks), carve (100 000) and random cuts (8 000); "
+                  "the next has "
+                  "the next")
       ->check(CLI::PositiveNumber);
   app->footer(
       "Exit code 1 where the daemon breaks within what is required of it.\n"

@@ -228,9 +228,8 @@ StabilityPlan plan_remnant(StabilityBench&, bool quick) {
   return plan;
 }
 
-
-// A blade comes down through the beam next to where it is held, and is gone before the last of it is cut: what
-// hangs there swings on a hinge.
+// A blade comes down through the beam next to where it is held, and is gone before the last of it is cut:
+// what hangs there swings on a hinge.
 StabilityPlan plan_bridge(StabilityBench&, bool quick) {
   constexpr double at = 4e-3, length = 20e-3, height = 5e-3, width = 8e-3, speed = 10e-3, above = 1e-3,
                    bridge = 0.6e-3;
@@ -239,8 +238,7 @@ StabilityPlan plan_bridge(StabilityBench&, bool quick) {
   setup.toughness = 1e-4;
   setup.new_nodes = 600;
   setup.instrument = {};
-  setup.instrument.blade =
-      make_blade({Vec3(0, -width / 2, 0), Vec3(0, width / 2, 0)}, Vec3(0, 0, -1), 16);
+  setup.instrument.blade = make_blade({Vec3(0, -width / 2, 0), Vec3(0, width / 2, 0)}, Vec3(0, 0, -1), 16);
   std::vector<Vec3> corners;
   for (const double x : {-0.05e-3, 0.05e-3})
     for (const double y : {-width / 2, width / 2})
@@ -254,7 +252,8 @@ StabilityPlan plan_bridge(StabilityBench&, bool quick) {
     return sample;
   };
   StabilityPlan plan = plan_of(quick, setup);
-  plan.parameter = "Young's modulus of a beam that a blade cuts to the last bridge, under its own weight [kPa]";
+  plan.parameter =
+      "Young's modulus of a beam that a blade cuts to the last bridge, under its own weight [kPa]";
   return plan;
 }
 

@@ -38,7 +38,6 @@ StabilityPlan plan_bridge(StabilityBench&, bool quick);
 // A blade, and the law of cutting: stability_blade.cpp.
 StabilityPlan plan_blade_below(StabilityBench&, bool quick);
 StabilityPlan plan_blade_at(StabilityBench&, bool quick);
-StabilityPlan plan_burst(StabilityBench&, bool quick);
 // The tool: stability_tool.cpp.
 StabilityPlan plan_fast_stroke(StabilityBench&, bool quick);
 StabilityPlan plan_wedge(StabilityBench&, bool quick);

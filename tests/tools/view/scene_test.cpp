@@ -63,8 +63,8 @@ TEST(ViewScene, ABodyIsToldOnceAndThenWhatMoved) {
   EXPECT_EQ(word(messages_of(scene)["surface/3"], 8), 6u);
 }
 
-// Two tetrahedra that a cut has parted: eight faces, of which the two at the cut are shown as cut. Ids that are
-// none are left out.
+// Two tetrahedra that a cut has parted: eight faces, of which the two at the cut are shown as cut. Ids that
+// are none are left out.
 TEST(ViewScene, FacesThatACutMadeAreShownAsCut) {
   TetMesh parted = pair();
   for (const int n : {1, 2, 3}) parted.nodes.push_back(parted.nodes[static_cast<std::size_t>(n)]);

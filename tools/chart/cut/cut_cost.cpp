@@ -18,7 +18,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int zone_nodes = 160, patch_nodes = 60;
+constexpr int zone_nodes = 200, patch_nodes = 60;  // the daemon's largest zone
 constexpr int most_carried = 48;  // changed elements not wholly inside the zone
 constexpr double quality_bound = 0.05;
 constexpr double edge_width = 0.5e-3;  // of the blade [m]
@@ -99,7 +99,7 @@ class CutRun {
   }
 
   void follow(const Vec3& blade) {
-    const std::vector<int> near = nearest_live_nodes(model_, state_, blade, patch_nodes / 2);
+    const std::vector<int> near = nearest_live_nodes(model_, state_, blade, patch_nodes);
     const bool covered = std::all_of(near.begin(), near.end(), [&](int n) {
       return n >= static_cast<int>(in_zone_.size()) || in_zone_[n] != 0;
     });

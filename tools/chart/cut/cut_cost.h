@@ -2,9 +2,9 @@
 //
 // A blade's path is walked: planes through the lens, one after another, each in lanes as wide as the blade's
 // edge, to and fro; what lies on it is cut in that order, face by face and edge by edge. One update is the
-// cut, the surface and the compliance that follow it (`reshape`), of method `zone` with a zone of 160 nodes
-// at the blade; its reference factors are made between two updates, as if by another thread, when the blade
-// leaves the zone or enough is carried. Errors against a dense or refined solve of the mesh as it is then;
+// cut, the surface and the compliance that follow it (`reshape`), of method `zone` with a zone of 200 nodes
+// at the blade; its reference factors are made between two updates, as if by another thread, when one of the
+// 60 nodes nearest to the blade is outside the zone or enough is carried. Errors against a dense or refined solve of the mesh as it is then;
 // volume and quality by looking at every element. Units in the names.
 #pragma once
 

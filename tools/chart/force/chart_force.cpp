@@ -234,9 +234,8 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   const std::vector<int> removals = settings.quick ? std::vector<int>{0} : settings.removals;
 
   // Inputs first: a fault in the last recording is not found after an hour.
-  const std::vector<Job> jobs = table.windows.empty()
-                                    ? recording_jobs(scene, recordings, settings, removals)
-                                    : window_jobs(scene, table.windows, removals);
+  const std::vector<Job> jobs = table.windows.empty() ? recording_jobs(scene, recordings, settings, removals)
+                                                      : window_jobs(scene, table.windows, removals);
   double whole = 0;
   for (const Job& job : jobs) {
     const double span = job.input.to - job.input.from + job.input.settle;

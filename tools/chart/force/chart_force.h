@@ -8,7 +8,8 @@
 //   felt    with removals also: against a reference that loses each element when the problem without it comes
 //           into use, so long after the step that took it began. `error` has that delay in it.
 //   front   of converged points of one run: nothing else is both cheaper and more accurate
-//   windows of a table: parts of the scene's own trajectories, instead of recordings. With a blade each run says
+//   windows of a table: parts of the scene's own trajectories, instead of recordings. With a blade each run
+//   says
 //           what area it separated
 //   hands   of several instruments each has its own error; a point's is the worst one's
 //

@@ -317,10 +317,10 @@ Command add_chart_force(CLI::App& chart_app) {
   auto options = std::make_shared<Options>();
   CLI::App* app = chart_app.add_subcommand(
       "force", "Speed against accuracy of the force, for a scene along recorded motions, offline.");
-  app->add_option(
-      "scene", options->scene,
-      "scene (default: config/scenes/stroke/stroke.yaml; of several hands: two_hands/two_hands.yaml; with --cut: "
-      "incision/incision.yaml)");
+  app->add_option("scene", options->scene,
+                  "scene (default: config/scenes/stroke/stroke.yaml; of several hands: "
+                  "two_hands/two_hands.yaml; with --cut: "
+                  "incision/incision.yaml)");
   app->add_flag("--cut", options->cut, "a blade that cuts, along windows of its stroke");
   app->add_option("--hands", options->hands, "the scene has so many instruments, and each has its own error")
       ->check(CLI::Range(1, max_instruments));
@@ -328,9 +328,10 @@ Command add_chart_force(CLI::App& chart_app) {
       "--trajectory", options->recordings,
       "CSV recordings; the scene's own is mapped, others are fitted into the tissue (default: the "
       "scene's own)");
-  app->add_option("--table", options->table,
-                  "configurations (default: config/charts/force.yaml; of several hands: force_hands.yaml; with --cut: "
-                  "force_cut.yaml)");
+  app->add_option(
+      "--table", options->table,
+      "configurations (default: config/charts/force.yaml; of several hands: force_hands.yaml; with --cut: "
+      "force_cut.yaml)");
   app->add_option("--only", options->only, "only the configurations with these labels, and the default");
   app->add_option("--removals", options->settings.removals, "elements removed per 20 ms, a run for each")
       ->delimiter(',')

@@ -2,7 +2,8 @@
 //
 //   default: exact                        the label that the others are judged against
 //   finest: {lens: lens_5k.msh}           meshes that are the truth in space, by body (may be absent)
-//   windows:                              parts of the scene's own trajectories; of several instruments a must
+//   windows:                              parts of the scene's own trajectories; of several instruments a
+//   must
 //     - {name: press, from: 4.6, to: 7.6}            [s]
 //     - {name: sculpt, from: 8, to: 10, removals: true}
 //   configurations:

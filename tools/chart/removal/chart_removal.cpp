@@ -57,8 +57,7 @@ class Run {
       compliance_->reshape(state(), tets);
     }
     const double cost = us_since(begin);
-    // New nodes are appended to the zone.
-    for (int n = nodes; n < model().nodes_in_use; ++n) in_zone_[n] = 1;
+    for (int n = nodes; n < model().nodes_in_use; ++n) in_zone_[n] = compliance_->zone_covers({&n, 1});
     appended_ += model().nodes_in_use - nodes;
     for (const int t : tets)
       carried_ += std::any_of(model().mesh.tets[t].begin(), model().mesh.tets[t].end(),
@@ -256,7 +255,7 @@ RemovalChart chart_removals(const TissueModel& model, std::span<const DamageStep
         const bool timed = last || ((k - 1 - begin) % stride == stride / 2 && !enough);
         if (!method.works_in_update) updates.push_back(told);
         if (!timed && !method.keeps_reference) continue;
-        const std::vector<int> patch = nearest_live_nodes(model, run.state(), tip, settings.patch_nodes);
+        const std::vector<int> patch = nearest_live_nodes(run.model(), run.state(), tip, settings.patch_nodes);
         const double swap = run.follow(tip, patch);
         if (!timed) continue;
         const double updated = run.update();

@@ -208,8 +208,8 @@ Command add_chart_removal(CLI::App& chart) {
   app->add_option("--out", options->out, "removal.json, removal.csv and removal.png into this directory");
   add_force_option(*app, options->force);
   app->footer(
-      "Examples: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart\n"
-      "          haptic chart removal --cut --sizes 1k,5k --out build/chart/cuts");
+      "Example: haptic chart removal --sizes 1k,5k --removals 1000 --out build/chart\n"
+      "         haptic chart removal --cut --sizes 1k,5k --out build/chart/cuts");
   return {app, [options, app] { return chart_removal(*options, *app); }};
 }
 

@@ -101,7 +101,7 @@ BladeWay way_of_blade(const TissueModel& model, int count) {
   return way;
 }
 
-Specimen::Cutting::Cutting(const TissueModel& model)
+Specimen::Cutting::Cutting(TissueModel& model)
     : work(model), change(model), blade(model), strip(1), surface(model.mesh) {}
 
 Specimen::Specimen(const TissueModel& whole)

@@ -21,11 +21,12 @@
 namespace hapticd {
 
 struct DamageStep {
-  Vec3 tip;                      // where the instrument is
-  int tet = -1;                  // the element that goes; −1: a strip is cut …
-  std::array<Vec3, 2> from, to;  // … between these places of the blade's edge
-  bool begins = false;           // with it another cut begins
-  bool counts = true;            // false: the strip changes nothing
+  Vec3 tip;      // where the instrument is
+  int tet = -1;  // the element that goes; −1: a strip is cut …
+  std::array<Vec3, 2> from{Vec3::Zero(), Vec3::Zero()},
+      to = from;        // … between these places of the blade's edge
+  bool begins = false;  // with it another cut begins
+  bool counts = true;   // false: the strip changes nothing
 };
 
 // Tetrahedra in the order in which the hole takes them, at most `count`, and where the tip is then.
@@ -55,7 +56,7 @@ class Specimen {
 
  private:
   struct Cutting {
-    explicit Cutting(const TissueModel& model);
+    explicit Cutting(TissueModel& model);
     CutWorkspace work;
     TopologyChange change;
     BladeCut blade;

@@ -71,13 +71,13 @@ TickFigures chart_tick(const TickSettings& settings, const std::function<bool(do
       hand.sample.pose = to_device(scene.instruments[at].device, tips[at].at(tick * i));
     }
     daemon.advance(input.now_ns);
-    times.start();
     const double cpu_begin = offline::cpu_seconds();
+    times.start();
     const std::int64_t begin = monotonic_ns();
     const EachInstrument<ForceSample> answer = daemon.tick(input);
+    times.enter(0);
     const std::int64_t spent = monotonic_ns() - begin;
     const double cpu = offline::cpu_seconds() - cpu_begin;
-    times.enter(0);
     if (i % per_step == 0 && !progress(static_cast<double>(i) / ticks)) break;
     if (i < warm_up * per_step) continue;
     us.push_back(1e-3 * static_cast<double>(spent));

@@ -16,7 +16,8 @@
 //                                 distances a
 //   fastest    2 V + s/h          s: the removable body's largest extent; what is dragged along all of it and
 //                                 let go comes back in a step
-// Looked at are bodies that can be cut or removed. Pieces hang together by nodes (fragments.h). Without gravity only: std::invalid_argument else.
+// Looked at are bodies that can be cut or removed. Pieces hang together by nodes (fragments.h). Without
+// gravity only: std::invalid_argument else.
 #pragma once
 
 #include <vector>

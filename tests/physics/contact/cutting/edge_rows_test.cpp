@@ -153,6 +153,7 @@ TEST(Cutting, AViscousEdgeFeelsToughnessAndSpeed) {
         p->edge[0].viscosity = viscosity;
         Hand hand;
         hand.period = T;
+        hand.options.coulomb.tolerance = 1e-12;
         EXPECT_NEAR(hand.force(*p, 0.5 * limit / k), 0.5 * limit, 1e-10 * limit);
         EXPECT_EQ(hand.advance(*p), 0);
         // The spring takes up the viscous force with the time constant c w/k = 1 ms.
