@@ -8,7 +8,8 @@
 namespace hapticd {
 namespace {
 
-// The quick atlas: in every mode but one the naive method breaks within the range, and the daemon does what is asked.
+// The quick atlas: in every mode but one the naive method breaks within the range, and the daemon does what
+// is asked.
 TEST(Stability, QuickAtlas) {
   StabilitySettings settings;
   settings.quick = true;
@@ -17,7 +18,7 @@ TEST(Stability, QuickAtlas) {
   ASSERT_EQ(chart.modes.size() + 4,
             stability_mode_names().size());  // `random…` and `carve` have their own reports
   for (const StabilityMode& m : chart.modes) {
-    // What hangs by a bridge breaks with no method that is known.
+    // There no method was seen to break; the mode watches that it stays so.
     EXPECT_TRUE(m.naive_breaks_at > 0 || m.mode == "cut to the last bridge") << m.mode;
     EXPECT_TRUE(m.survives) << m.mode << ": broke at " << m.default_breaks_at;
   }

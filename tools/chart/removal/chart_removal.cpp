@@ -255,7 +255,8 @@ RemovalChart chart_removals(const TissueModel& model, std::span<const DamageStep
         const bool timed = last || ((k - 1 - begin) % stride == stride / 2 && !enough);
         if (!method.works_in_update) updates.push_back(told);
         if (!timed && !method.keeps_reference) continue;
-        const std::vector<int> patch = nearest_live_nodes(run.model(), run.state(), tip, settings.patch_nodes);
+        const std::vector<int> patch =
+            nearest_live_nodes(run.model(), run.state(), tip, settings.patch_nodes);
         const double swap = run.follow(tip, patch);
         if (!timed) continue;
         const double updated = run.update();

@@ -29,7 +29,7 @@ constexpr int fewest_steps = 10;
 void be_nice() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), 19); }
 
 // In place of the tip: cuts as deep as that, from the first one through the middle on.
-BladeWay put_blade(Scene& scene, double depth) {
+BladePath put_blade(Scene& scene, double depth) {
   constexpr double edge = 1.6e-3, toughness = 0.1;  // [m], [J/m²]: a 30th of a millimetre of the lens's E
   constexpr int samples = 16, new_nodes = 8000;
   SceneBody& lens = scene.bodies[0];
@@ -39,7 +39,7 @@ BladeWay put_blade(Scene& scene, double depth) {
   scene.first().shape = sheet_blade(edge, samples);
   double top = lens.mesh.nodes[0].z();
   for (const Vec3& x : lens.mesh.nodes) top = std::max(top, x.z());
-  BladeWay way;
+  BladePath way;
   way.height = top - depth + edge / 2;
   return way;
 }

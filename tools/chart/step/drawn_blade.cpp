@@ -19,7 +19,7 @@ Instrument sheet_blade(double edge_length, int samples) {
   return i;
 }
 
-Pose drawn_blade(const BladeWay& way, double t) noexcept {
+Pose drawn_blade(const BladePath& way, double t) noexcept {
   const double cut = 2 * way.from_rim / way.speed, up = way.lift / (3 * way.speed),
                aside = way.apart / way.speed;
   const double period = cut + 2 * up + aside;

@@ -12,7 +12,7 @@ namespace hapticd {
 
 Instrument sheet_blade(double edge_length, int samples);
 
-struct BladeWay {
+struct BladePath {
   double speed = 10e-3;    // of a cut; beside the tissue it is three times as fast [m/s]
   double from_rim = 5e-3;  // a cut goes from −from_rim to from_rim [m]
   double apart = 1e-3;     // cuts, from the middle on, in turns on both sides [m]
@@ -20,6 +20,6 @@ struct BladeWay {
   double lift = 4e-3;      // [m]
 };
 
-Pose drawn_blade(const BladeWay& way, double t) noexcept;
+Pose drawn_blade(const BladePath& way, double t) noexcept;
 
 }  // namespace hapticd
