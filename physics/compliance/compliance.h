@@ -52,6 +52,8 @@ struct ComplianceOptions {
   int most_carried = 256;                 // zone: what goes beyond them waits for the next reference factor
   int most_appended = 128;  // zone: nodes that cuts may append to the corner; beyond it the corner still
                             // grows, but allocates. A reference factor is wanted from half of it on
+  int most_taken_in = 160;  // zone: nodes from outside that may join it; a reference factor is wanted from an
+                            // eighth of it on. Cuts take in what they must
   bool synchronous_reference = true;  // zone: `update` then makes it, late; false: somebody else does
   bool quantised_reference = false;   // zone: solve with a rounded copy of it (leading_columns.h)
   int lazy_reference_after = 0;       // lazy: removals until `update` makes a new one; 0: never, as the paper
@@ -76,6 +78,7 @@ struct ComplianceReport {
   double error = 0;     // ‖C (A y − b)‖/‖y‖, what one step of refinement would still change
   int removed_since_reference = 0;
   int appended_since_reference = 0;  // nodes that cuts have appended to the corner: zone alone
+  int taken_in_since_reference = 0;  // nodes from outside that joined it: zone alone
   int reference_age = 0;             // updates since the reference factor was made
   double rotation_since_reference =
       0;                         // largest in the zone, beyond its piece's own where that is undone [rad]

@@ -49,6 +49,10 @@ class ReferenceCompliance : public Compliance {
   // be cheap too.
   virtual void move_halo(std::span<const int> nodes) { static_cast<void>(nodes); }
 
+  // These nodes are asked for again and again: where it costs less, they join the zone of the reference
+  // factor at the next `update`.
+  virtual void extend_zone(std::span<const int> nodes) { static_cast<void>(nodes); }
+
   // Post: y = C b where `forward_covers`, and zero elsewhere if the answer is `forward`. An update, a removal
   // or a new reference factor ends what was started.
   [[nodiscard]] virtual Solved start_solve(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y);

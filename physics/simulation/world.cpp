@@ -83,10 +83,12 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   if (usable(report.contact))
     cutting_.advance(bodies_, instruments_, poses_of(samples), problem, contact_.state.solver.memory);
 
-  factors_.renew(context_, report);
+  // What will be cut next is not foreseen, and a cut starts the step afresh.
+  const bool ahead = prediction_.active() && !report.split;
+  factors_.renew(context_, ahead, report);
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);
-  if (prediction_.active()) {
+  if (ahead) {
     prediction_.linearise(context_, factors_, problem, samples, contact_.state.solver, removing_, report);
     contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);
@@ -183,7 +185,8 @@ void World::report_compliance(StepReport& report) {
   for (int b = 0; b < context_.body_count(); ++b) {
     if (!is_awake(bodies_[b])) continue;
     report.compliance.push_back({b, bodies_[b].compliance->report()});
-    factors_.references.end_step(b, report.compliance.back().compliance.wants_reference);
+    factors_.references.end_step(
+        b, report.compliance.back().compliance.wants_reference || bodies_[b].energy.bounded_steps > 0);
   }
 }
 

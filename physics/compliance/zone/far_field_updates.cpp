@@ -1,34 +1,61 @@
 #include "physics/compliance/zone/far_field_updates.h"
 
+#include <algorithm>
+
 namespace hapticd {
 
-void FarFieldUpdates::clear(int dofs) {
+void FarFieldUpdates::clear() {
   terms_.clear();
   columns_ = 0;
-  X_.setZero(dofs, 12);
+}
+
+Eigen::Ref<MatX> FarFieldUpdates::scratch(const LeadingColumns& panels, Eigen::Index rank,
+                                          Eigen::Index corner) {
+  const Eigen::Index rows = panels.rest_dofs() + corner;
+  if (X_.rows() < rows || X_.cols() < rank)  // seldom: its pages are cleared
+    X_.setZero(std::max(X_.rows(), rows + rows / 8), std::max(X_.cols(), 2 * rank));
+  return X_.topLeftCorner(rows, rank);
 }
 
 bool FarFieldUpdates::change(LeadingColumns& panels, const Eigen::Ref<const MatX>& V,
                              std::span<const int> places, TermSign sign, Corner S_out) {
-  const Eigen::Index rank = V.cols();
-  if (rank == 0) return true;
-  if (X_.cols() < rank) X_.setZero(X_.rows(), rank);
-  auto X = X_.leftCols(rank);
-  const int rest = panels.rest_dofs();
+  if (V.cols() == 0) return true;
+  auto X = scratch(panels, V.cols(), S_out.rows());
   std::vector<int> nonzero;
   for (int c = 0; c < static_cast<int>(places.size()); ++c)
     for (int r = 0; r < 3; ++r) {
       nonzero.push_back(3 * places[c] + r);
       X.row(nonzero.back()) = V.row(3 * c + r);
     }
+  return eliminate(panels, X, nonzero, sign == TermSign::take_out ? 1.0 : -1.0, S_out);
+}
 
+bool FarFieldUpdates::tie(LeadingColumns& panels, std::span<const int> places, Eigen::Index row,
+                          Corner S_out) {
+  if (places.empty()) return true;
+  auto X = scratch(panels, static_cast<Eigen::Index>(3 * places.size()), S_out.rows());
+  std::vector<int> nonzero;
+  for (const int p : places)
+    for (int r = 0; r < 3; ++r) {
+      const auto k = static_cast<Eigen::Index>(nonzero.size());
+      nonzero.push_back(3 * p + r);
+      X(nonzero.back(), k) = 1;
+      X(panels.rest_dofs() + row + k, k) = -1;
+    }
+  return eliminate(panels, X, nonzero, 0, S_out);
+}
+
+bool FarFieldUpdates::eliminate(LeadingColumns& panels, Eigen::Ref<MatX> X, std::span<const int> nonzero,
+                                double D0, Corner S_out) {
+  const Eigen::Index rank = X.cols();
+  const int rest = panels.rest_dofs();
   Term next;
   next.first = columns_;
   panels.forward_sparse(X, nonzero, next.row);
   next.Y = X(next.row, Eigen::all);
   next.v = X.middleRows(rest, S_out.rows());
   MatX D = -next.Y.transpose() * next.Y;
-  D.diagonal().array() += sign == TermSign::take_out ? 1.0 : -1.0;
+  D.diagonal().array() += D0;
   next.W.resize(columns_, rank);
   MatX t(columns_, rank);  // t_ij of all earlier i, stacked; t_kiᵀ D_k⁻¹ t_kj = W_kiᵀ t_kj
   for (const Term& earlier : terms_) {
@@ -44,7 +71,7 @@ bool FarFieldUpdates::change(LeadingColumns& panels, const Eigen::Ref<const MatX
   for (const int row : next.row) X.row(row).setZero();
   X.middleRows(rest, S_out.rows()).setZero();
 
-  next.sign = sign == TermSign::take_out ? 1.0 : -1.0;
+  next.sign = D0 > 0 ? 1.0 : -1.0;
   next.D.compute(next.sign * D);
   if (next.D.info() != Eigen::Success || !next.v.allFinite()) return false;
   const MatX half = next.D.matrixL().solve(MatX(next.v.transpose()));

@@ -7,6 +7,7 @@
 
 #include "physics/compliance/reference/warp_rotation.h"
 #include "physics/compliance/reference_compliance.h"
+#include "physics/compliance/zone/wanted_zone.h"
 #include "physics/compliance/zone/zone_factor.h"
 #include "physics/compliance/zone/zone_reshaping.h"
 #include "physics/compliance/zone/zone_sample.h"
@@ -24,34 +25,16 @@ class ZoneCompliance final : public ReferenceCompliance {
         turn_(model),
         factor_(options.quantised_reference ? PanelPrecision::rounded : PanelPrecision::full),
         sample_(options),
-        wanted_(model.node_count(), 0),
+        wanted_(model),
         Q_(model.node_count(), Mat3::Identity()),
         in_system_(model.node_count(), 0) {}
 
-  void move_zone(std::span<const int> nodes) override {
-    std::vector<std::uint8_t> wanted(model_.node_count(), 0);
-    std::vector<int> zone;
-    for (const int n : nodes) {
-      if (n < 0 || n >= model_.node_count())
-        throw std::invalid_argument("the zone names node " + std::to_string(n));
-      if (model_.fixed[n] || wanted[n] || n >= model_.nodes_in_use) continue;
-      wanted[n] = 1;
-      zone.push_back(n);
-    }
-    wanted_ = std::move(wanted);
-    wanted_zone_ = std::move(zone);
-    halo_.clear();
-  }
-
-  void move_halo(std::span<const int> nodes) override {
-    halo_.clear();
-    for (const int n : nodes)
-      if (!model_.fixed.at(n) && !wanted_[n] && n < model_.nodes_in_use) halo_.push_back(n);
-  }
+  void move_zone(std::span<const int> nodes) override { wanted_.move(nodes); }
+  void move_halo(std::span<const int> nodes) override { wanted_.move_halo(nodes); }
 
   bool zone_covers(std::span<const int> nodes) const override {
     return std::all_of(nodes.begin(), nodes.end(), [&](int n) {
-      return model_.fixed[n] || (reference_ ? reference_->zone_place(n) >= 0 : wanted_[n] != 0);
+      return model_.fixed[n] || (reference_ ? reference_->zone_place(n) >= 0 : wanted_.has(n));
     });
   }
 
@@ -73,13 +56,12 @@ class ZoneCompliance final : public ReferenceCompliance {
     const int known = meshes_.order().node_count();
     const std::vector<int> cut =
         meshes_.cut(reference_ ? reference_->elements() : meshes_.structure().matrix.elements(), tets);
-    // A new node joins the zone wanted that it came from.
-    for (int n = known; n < model_.nodes_in_use; ++n) {
-      if (model_.fixed[n] || wanted_[n] || !wanted_[meshes_.order().origin(n)]) continue;
-      wanted_[n] = 1;
-      wanted_zone_.push_back(n);
-    }
+    wanted_.follow_cut(meshes_.order(), known);
     if (reference_) follow_cut(after, cut);
+  }
+
+  void extend_zone(std::span<const int> nodes) override {
+    joining_.insert(joining_.end(), nodes.begin(), nodes.end());
   }
 
   void update(const TissueState& state) override {
@@ -90,8 +72,10 @@ class ZoneCompliance final : public ReferenceCompliance {
     } else if (state.removed != removed_count_) {
       remove_untold(state);
     }
+    let_join(state);
     const bool overdue = not_carried_ > 0 || carried_count_ > options_.most_carried ||
-                         reference_->appended() > options_.most_appended;
+                         reference_->appended() > options_.most_appended ||
+                         reference_->taken_in() > options_.most_taken_in;
     if (spoilt_ || (overdue && options_.synchronous_reference)) make_now(state);
     follow(state);
     if (!factor_.factor_corner(state, Q_, in_system_, options_.times)) {
@@ -218,9 +202,11 @@ class ZoneCompliance final : public ReferenceCompliance {
                              report.rotation_since_reference > options_.reference_rotation_limit ||
                              reference_age_ > options_.reference_age_limit ||
                              carried_count_ > options_.reference_removed_limit ||
-                             reference_->appended() > options_.most_appended / 2;
+                             reference_->appended() > options_.most_appended / 2 ||
+                             reference_->taken_in() > options_.most_taken_in / 8;
     report.removed_since_reference = removed_since_reference_;
     report.appended_since_reference = reference_->appended();
+    report.taken_in_since_reference = reference_->taken_in();
     report.reference_age = reference_age_;
     report.memory_bytes = factor_.memory_bytes();
     return report;
@@ -265,14 +251,14 @@ class ZoneCompliance final : public ReferenceCompliance {
     take(std::move(reference), state);
   }
 
+  int room() const {
+    return std::min(options_.most_appended, meshes_.spare_nodes()) + options_.most_taken_in;
+  }
+
   std::unique_ptr<ZoneReference> wanted_reference(const TissueState& state,
                                                   std::unique_ptr<ZoneReference> retired) const {
-    std::vector<int> nodes = wanted_zone_;
-    nodes.insert(nodes.end(), halo_.begin(), halo_.end());
-    return std::make_unique<ZoneReference>(meshes_.now(), std::move(nodes),
-                                           static_cast<int>(wanted_zone_.size()),
-                                           std::min(options_.most_appended, meshes_.spare_nodes()), state,
-                                           options_.quantised_reference, std::move(retired));
+    return std::make_unique<ZoneReference>(meshes_.now(), wanted_.zone_and_halo(), wanted_.zone_size(),
+                                           room(), state, options_.quantised_reference, std::move(retired));
   }
 
   void take(std::unique_ptr<ZoneReference> reference, const TissueState& state) {
@@ -282,9 +268,8 @@ class ZoneCompliance final : public ReferenceCompliance {
     meshes_.made(reference_->mesh());
     turn_.set_reference(reference_->state().rotation, reference_->mesh().tets);
     sample_.forget();
-    half_.x.resize(3 * model_.node_count());
-    factor_.set_reference(*reference_, model_.node_count(),
-                          std::min(options_.most_appended, meshes_.spare_nodes()));
+    joining_.clear();
+    factor_.set_reference(*reference_, room());
     gone_.resize(model_.tet_count());
     for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference_->state().alive[t];
     removed_count_ = reference_->state().removed;
@@ -302,10 +287,21 @@ class ZoneCompliance final : public ReferenceCompliance {
   void follow_cut(const TissueState& after, std::span<const int> tets) {
     for (const int t : tets)
       if (reference_->elements()[t].node != no_tet) hold_orphans(after, reference_->elements()[t].node);
-    const CarriedShapes carried =
-        follow_reshaped(*reference_, factor_, model_, after, turn_.reference(), gone_, tets);
-    carried_count_ += (carried.columns + 11) / 12;  // a removal has twelve
-    spoilt_ = spoilt_ || !carried.definite;
+    spoilt_ =
+        !follow_reshaped(*reference_, factor_, model_, after, turn_.reference(), gone_, tets) || spoilt_;
+  }
+
+  // Nodes that were asked for, as long as there is room.
+  void let_join(const TissueState& state) {
+    std::sort(joining_.begin(), joining_.end());
+    joining_.erase(std::unique(joining_.begin(), joining_.end()), joining_.end());
+    std::erase_if(joining_, [&](int n) {
+      return model_.fixed[n] || reference_->zone_place(n) >= 0 || state.live_tets_of_node[n] == 0;
+    });
+    const int left = std::max(0, options_.most_taken_in - reference_->taken_in());
+    if (std::ssize(joining_) > left) joining_.resize(left);
+    if (!joining_.empty()) spoilt_ = !factor_.take_in(joining_, turn_.reference(), gone_) || spoilt_;
+    joining_.clear();
   }
 
   void remove_untold(const TissueState& state) {
@@ -345,6 +341,7 @@ class ZoneCompliance final : public ReferenceCompliance {
   }
 
   void follow(const TissueState& state) {
+    half_.x.resize(static_cast<Eigen::Index>(3) * reference_->places());
     for (int n = 0; n < model_.node_count(); ++n)
       in_system_[n] = !model_.fixed[n] && state.live_tets_of_node[n] > 0;
     const Warping warping = options_.warping.value_or(Warping::piece);
@@ -363,9 +360,7 @@ class ZoneCompliance final : public ReferenceCompliance {
   WarpRotation turn_;
   ZoneFactor factor_;
   ZoneSample sample_;
-  std::vector<int> wanted_zone_;
-  std::vector<int> halo_;
-  std::vector<std::uint8_t> wanted_;
+  WantedZone wanted_;
 
   std::unique_ptr<ZoneReference> reference_;
   std::unique_ptr<ZoneReference> retired_;  // freed by the next reference factor's maker, which has the time
@@ -376,7 +371,8 @@ class ZoneCompliance final : public ReferenceCompliance {
   int removed_since_reference_ = 0;
   int carried_count_ = 0;
   int not_carried_ = 0;
-  bool spoilt_ = false;  // what was carried of a cut
+  bool spoilt_ = false;  // by round-off
+  std::vector<int> joining_;
   int reference_age_ = 0;
 
   std::vector<Mat3> Q_;

@@ -4,10 +4,9 @@
 
 namespace hapticd {
 
-void ZoneFactor::set_reference(ZoneReference& reference, int nodes, int room) {
+void ZoneFactor::set_reference(ZoneReference& reference, int room) {
   reference_ = &reference;
-  dofs_ = 3 * nodes;
-  carried_.clear(dofs_);
+  carried_.clear();
   corner_.reserve(static_cast<int>(corner_size()) + 3 * room);
   grow_corner();
 }
@@ -16,6 +15,18 @@ bool ZoneFactor::carry(std::span<const int> nodes, const Eigen::Ref<const MatX>&
   places_.clear();
   for (const int n : nodes) places_.push_back(reference_->place(n));
   return carried_.change(reference_->panels(), V, places_, sign, reference_->outer_corner());
+}
+
+bool ZoneFactor::take_in(std::span<const int> nodes, std::span<const Mat3> rotation,
+                         std::span<const std::uint8_t> gone) {
+  places_.clear();
+  for (const int n : nodes) places_.push_back(reference_->place(n));
+  const Eigen::Index before = corner_size();
+  reference_->take_in(nodes);
+  grow_corner();
+  if (!carried_.tie(reference_->panels(), places_, before, reference_->outer_corner())) return false;
+  reference_->take_in_elements(rotation, gone);
+  return true;
 }
 
 bool ZoneFactor::factor_corner(const TissueState& state, std::span<const Mat3> Q,
@@ -94,8 +105,10 @@ void ZoneFactor::patch(std::span<const int> places, Eigen::Ref<MatX> block) {
 void ZoneFactor::patch_beyond_zone(std::span<const int> outside, std::span<const int> rows,
                                    Eigen::Ref<MatX> block) {
   const auto columns = static_cast<Eigen::Index>(rows.size());
-  if (beyond_.rows() != dofs_ || beyond_.cols() < columns) beyond_.setZero(dofs_, columns);
-  auto X = beyond_.leftCols(columns);
+  const Eigen::Index height = rest_dofs() + corner_size();
+  if (beyond_.rows() < height || beyond_.cols() < columns)
+    beyond_.setZero(std::max(beyond_.rows(), height + height / 8), std::max(beyond_.cols(), 2 * columns));
+  auto X = beyond_.topLeftCorner(height, columns);
   for (std::size_t k = 0; k < rows.size(); ++k) X(rows[k], static_cast<Eigen::Index>(k)) = 1;
   std::vector<int> reached;
   reference_->panels().forward_sparse(X, rows, reached);

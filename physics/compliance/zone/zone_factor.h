@@ -5,10 +5,11 @@
 //   (far_field_updates.h),  corner S = Qᵀ A_in(now) Q + S_out (zone_reference.h), factored at each update
 //
 // Everything is in the reference factor's frame and order: the caller turns vectors by Q, and names nodes by
-// their places. A solve is two halves, `forward` and `backward`; between them a `Half` can be kept, and
-// halves of several right-hand sides added. Shapes: x 3·nodes of the model, the
-// corner behind the rest, and what is not in use last; places: of a node in the order, −1: not in the
-// system. Units: A [N/m], block [m/N]. Pre: set_reference, then a factor_corner that returned true.
+// their places. Nodes of the rest can join the corner, at a half solve each (`take_in`). A solve is two
+// halves, `forward` and `backward`; between them a `Half` can be kept, and halves of several right-hand sides
+// added. Shapes: x 3·places of the reference factor, the corner behind the rest; places: of a node in the
+// order, −1: not in the system. Units: A [N/m], block [m/N]. Pre: set_reference, then a factor_corner that
+// returned true.
 #pragma once
 
 #include <cstdint>
@@ -27,11 +28,17 @@ class ZoneFactor {
   explicit ZoneFactor(PanelPrecision precision) : precision_(precision) {}
 
   // The reference factor must outlive its use here. Nothing is carried, and the corner is not factored. The
-  // corner may grow by `room` nodes without allocation. `nodes`: of the model, spare ones too.
-  void set_reference(ZoneReference& reference, int nodes, int room);
+  // corner may grow by `room` nodes without allocation.
+  void set_reference(ZoneReference& reference, int room);
 
   // After nodes were appended to the reference factor's corner.
   void grow_corner() { corner_.resize(static_cast<int>(corner_size())); }
+
+  // These nodes of the rest, all in the system and once each, join the corner, with the elements that then
+  // have all theirs there: rotation and gone as ZoneReference::take_in_elements. Returns false if round-off
+  // spoilt it: the factor is of no use then.
+  [[nodiscard]] bool take_in(std::span<const int> nodes, std::span<const Mat3> rotation,
+                             std::span<const std::uint8_t> gone);
 
   // Adds or takes out V Vᵀ outside the corner, V with three rows for each of these nodes. Returns false, and
   // changes nothing, if A would not stay definite.
@@ -84,7 +91,6 @@ class ZoneFactor {
   PatchInverse patch_inverse_;
   std::vector<int> zone_places_;
   std::vector<int> places_;
-  int dofs_ = 0;
   MatX g_;
   MatX beyond_;  // zero between uses
 };

@@ -12,20 +12,17 @@ namespace hapticd {
 // take new forms F(e): another corner, another shape, or several tetrahedra. Nodes that come into use are
 // appended to the corner, S_out ← [S_out 0; 0 0].
 //
+//   nodes outside of what is cut:   are taken into the corner. A node of the rest is tied to a new one of the
+//     corner; eliminating the old one and the force of the tie leaves the Schur complement on the zone and
+//     the new nodes, as if these had been last in the order.
+//   old outside, now all in the corner:   a_e(reference) is a summand of A_out between nodes of the corner
+//     alone, so it is taken out of S_out as it is, and e is one of those inside.
 //   old inside, new inside:   E and F(e) are in no S_out: A_in(reference) was taken out, and A_in(now) is
 //     assembled at every step. So the new forms replace the old ones in that list, and nothing else changes.
-//   old not inside:           a_e(reference) is taken out of A_out as a low-rank term.
-//   new inside:               joins the list, as above: it has no node outside, so it may be refreshed.
-//   new not inside:           a_F, at the rotation that the reference factor knows of its ancestor, is added
-//   to
-//     A_out as a low-rank term (zone_reshaping.h), before anything is taken out.
 //
-// Definite: A_out is a sum of positive semi-definite elements again, each with its lumped mass, so
+// Definite: A_out is a sum of positive semi-definite elements throughout, each with its lumped mass, so
 // A_out ≥ M_out, S_out ≥ M_out,corner ≥ 0 and S = Qᵀ A_in(now) Q + S_out ≥ M(now) as in the header; an
-// appended node's mass is all in the elements that it has, inside or carried. While terms are added A only
-// grows, and what is left while terms are taken out is at least the sum of the new elements: the eliminated
-// part of A stays definite, as long as a node that is left without any element gets the identity's row
-// before.
+// appended node's mass is all in the elements that it has, which are inside.
 ZoneReference::ZoneReference(ZoneMesh mesh, std::vector<int> zone_and_halo, int zone, int room,
                              const TissueState& state, bool quantised_copy,
                              std::unique_ptr<ZoneReference> retired)
@@ -74,12 +71,14 @@ void ZoneReference::make() {
   for (int n = 0; n < node_count_; ++n)
     if (is_near(n)) near_.push_back(n);
   near_.reserve(near_.size() + room_);
+  known_nodes_ = node_count_;
   S_out_.setZero(L_zz.rows() + 3 * room_, L_zz.cols() + 3 * room_);
   auto S_out = outer_corner();
   S_out.selfadjointView<Eigen::Lower>().rankUpdate(L_zz);
 
   elements_ = matrix.elements();
   fixed_ = matrix.fixed();
+  place_.resize(fixed_.size(), -1);
   is_inside_.assign(elements_.size(), 0);
   inside_.clear();
   for (int t = 0; t < static_cast<int>(elements_.size()); ++t) {
@@ -87,8 +86,7 @@ void ZoneReference::make() {
     if (is_inside_[t]) inside_.push_back(t);
   }
   MatX A_in = MatX::Zero(L_zz.rows(), L_zz.cols());
-  const std::vector<Mat3> unturned(node_count_, Mat3::Identity());
-  add_inside(state_, unturned, A_in);
+  add_inside(state_, {}, A_in);
   S_out.triangularView<Eigen::Lower>() -= A_in;
   made_ = true;
 }
@@ -103,12 +101,39 @@ bool ZoneReference::lies_inside(const SystemMatrix::Element& element) const noex
   return in;
 }
 
+void ZoneReference::join(int node) {
+  place_[node] = places();
+  corner_.push_back(node);
+}
+
 void ZoneReference::append(const TissueModel& model) {
-  for (int n = node_count_ + appended(); n < model.nodes_in_use; ++n) {
-    corner_.push_back(n);
-    near_.push_back(n);
-    fixed_[n] = model.fixed[n];
+  for (; known_nodes_ < model.nodes_in_use; ++known_nodes_) {
+    join(known_nodes_);
+    near_.push_back(known_nodes_);
+    fixed_[known_nodes_] = model.fixed[known_nodes_];
   }
+  make_room();
+}
+
+void ZoneReference::take_in(std::span<const int> nodes) {
+  for (const int n : nodes) {
+    if (!is_near(n)) near_.push_back(n);
+    join(n);
+  }
+  make_room();
+}
+
+void ZoneReference::take_in_elements(std::span<const Mat3> rotation, std::span<const std::uint8_t> gone) {
+  auto S_out = outer_corner();
+  for (int t = 0; t < static_cast<int>(elements_.size()); ++t) {
+    if (is_inside_[t] || gone[t] || elements_[t].node == no_tet || !lies_inside(elements_[t])) continue;
+    add_element(t, rotation[t], {}, -1, S_out);
+    is_inside_[t] = 1;
+    inside_.push_back(t);
+  }
+}
+
+void ZoneReference::make_room() {
   const auto size = static_cast<Eigen::Index>(3 * corner_.size());
   if (size <= S_out_.rows()) return;
   const Eigen::Index before = S_out_.rows();
@@ -119,35 +144,40 @@ void ZoneReference::append(const TissueModel& model) {
 
 void ZoneReference::reshape(int tet, const SystemMatrix::Element& form) {
   elements_[tet] = form;
-  const bool inside = lies_inside(form);
-  if (inside && !is_inside_[tet]) inside_.push_back(tet);
-  if (!inside && is_inside_[tet]) inside_.erase(std::find(inside_.begin(), inside_.end(), tet));
-  is_inside_[tet] = inside;
+  if (!is_inside_[tet]) inside_.push_back(tet);
+  is_inside_[tet] = 1;
+}
+
+void ZoneReference::add_element(int t, const Mat3& rotation, std::span<const Mat3> Q, double sign,
+                                Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
+  const SystemMatrix& matrix = law();
+  const SystemMatrix::Element& element = elements_[t];
+  const Gradients b = rotation * element.gradients;
+  const double mass = sign * matrix.lumped_mass(element.volume), volume = sign * element.volume;
+  for (int i = 0; i < 4; ++i) {
+    const int a = element.node[i];
+    if (fixed_[a]) continue;
+    const int p = zone_place(a);
+    for (int j = 0; j < 4; ++j) {
+      const int c = element.node[j];
+      const int q = zone_place(c);
+      if (fixed_[c] || q > p) continue;
+      const Mat3 K = stiffness_block(b.col(i), b.col(j), volume, matrix.mu(), matrix.lambda());
+      auto block = S.block<3, 3>(3 * p, 3 * q);
+      if (Q.empty())
+        block += K;
+      else
+        block.noalias() += Q[a].transpose() * K * Q[c];
+      if (p == q) block.diagonal().array() += mass;
+    }
+  }
 }
 
 void ZoneReference::add_inside(const TissueState& now, std::span<const Mat3> Q,
                                Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
   const SystemMatrix& matrix = law();
-  for (const int t : inside_) {
-    if (!now.alive[t]) continue;
-    const SystemMatrix::Element& element = elements_[t];
-    const Gradients b = now.rotation[t] * element.gradients;
-    const double mass = matrix.lumped_mass(element.volume);
-    for (int i = 0; i < 4; ++i) {
-      const int a = element.node[i];
-      if (fixed_[a]) continue;
-      const int p = zone_place(a);
-      for (int j = 0; j < 4; ++j) {
-        const int c = element.node[j];
-        const int q = zone_place(c);
-        if (fixed_[c] || q > p) continue;
-        const Mat3 K = stiffness_block(b.col(i), b.col(j), element.volume, matrix.mu(), matrix.lambda());
-        auto block = S.block<3, 3>(3 * p, 3 * q);
-        block.noalias() += Q[a].transpose() * K * Q[c];
-        if (p == q) block.diagonal().array() += mass;
-      }
-    }
-  }
+  for (const int t : inside_)
+    if (now.alive[t]) add_element(t, now.rotation[t], Q, 1, S);
   for (const Collapsed& c : now.collapsed) {
     if (!is_inside_[c.tet] || !now.alive[c.tet] || !same_corners(elements_[c.tet].node, c.node)) continue;
     for (int i = 0; i < 4; ++i)

@@ -12,8 +12,8 @@
 // (`append`, `reshape`; the proof is in the source). The halo, nodes next to the
 // zone, is eliminated just before it, in one front with it: a patch node there costs a half solve of that
 // front alone. Shapes: S_out 3·corner square, lower triangle; the corner is the zone, node k of it last
-// places first, and behind it the appended nodes. Units: N/m. Source: DESIGN's method `zone`; departure from
-// the paper: no low-rank term inside the zone.
+// places first, and behind it the nodes that joined: appended by a cut, or taken in from the rest. Units:
+// N/m. Source: DESIGN's method `zone`; departure from the paper: no low-rank term inside the zone.
 #pragma once
 
 #include <memory>
@@ -38,11 +38,13 @@ class ZoneReference final : public ReferenceFactor {
 
   bool made() const noexcept { return made_; }
   const ZoneMesh& mesh() const noexcept { return mesh_; }  // with its structure
-  // Nodes of the corner: the zone, then what was appended.
+  // Nodes of the corner: the zone, then those that joined.
   const std::vector<int>& corner() const noexcept { return corner_; }
-  int appended() const noexcept { return static_cast<int>(corner_.size()) - zone_; }
-  // In the order; of a node that came into use later: behind it, in the corner.
-  int place(int node) const noexcept { return node < node_count_ ? place_[node] : node; }
+  int appended() const noexcept { return known_nodes_ - node_count_; }
+  int taken_in() const noexcept { return static_cast<int>(corner_.size()) - zone_ - appended(); }
+  // In the order; of a node that joined the corner: behind the order; −1 of one that is not known.
+  int place(int node) const noexcept { return place_[node]; }
+  int places() const noexcept { return rest_ + static_cast<int>(corner_.size()); }
   int zone_place(int node) const noexcept { return place(node) - rest_; }  // < 0: not in the corner
   // The corner's nodes and those of the panel before it, the halo's among them; by a node: its place tells.
   const std::vector<int>& near() const noexcept { return near_; }
@@ -53,11 +55,15 @@ class ZoneReference final : public ReferenceFactor {
   // Whether it is wholly inside.
   bool is_inside(int tet) const noexcept { return is_inside_[tet] != 0; }
 
-  // Nodes that came into use since: behind the corner's end, not coupled to anything yet. Allocates beyond
-  // `room`.
+  // Nodes that came into use since join the corner, not coupled to anything yet. Allocates beyond `room`.
   void append(const TissueModel& model);
-  // This element has that form now: inside, it is so assembled from here on. What changes outside has to be
-  // carried by the caller.
+  // These nodes of the rest join the corner. They are to be tied to what they were (far_field_updates.h)
+  // before `take_in_elements`.
+  void take_in(std::span<const int> nodes);
+  // Elements outside whose nodes have all joined: from S_out, where they are at these rotations, to those
+  // inside. `gone`: per tetrahedron, those that are in S_out no more.
+  void take_in_elements(std::span<const Mat3> rotation, std::span<const std::uint8_t> gone);
+  // This element, inside, has that form now: it is so assembled from here on.
   void reshape(int tet, const SystemMatrix::Element& form);
   bool lies_inside(const SystemMatrix::Element& element) const noexcept;
   // Per tetrahedron: as reference factor, corner and what is carried over have it. no_tet: unknown to them.
@@ -79,6 +85,12 @@ class ZoneReference final : public ReferenceFactor {
                   Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept;
 
  private:
+  // sign · Qᵀ a_e Q of one inside, at this rotation; no Q: not turned.
+  void add_element(int tet, const Mat3& rotation, std::span<const Mat3> Q, double sign,
+                   Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept;
+  void join(int node);
+  void make_room();
+
   ZoneMesh mesh_;
   std::vector<int> zone_and_halo_;
   int zone_;
@@ -87,8 +99,9 @@ class ZoneReference final : public ReferenceFactor {
   bool quantised_copy_;
   std::unique_ptr<ZoneReference> retired_;
   bool made_ = false;
-  int node_count_ = 0;  // of the order
-  int rest_ = 0;        // nodes before the zone
+  int node_count_ = 0;   // of the order
+  int known_nodes_ = 0;  // with those appended
+  int rest_ = 0;         // nodes before the zone
   std::vector<int> place_;
   std::vector<int> corner_;
   std::vector<SystemMatrix::Element> elements_;

@@ -8,8 +8,12 @@
 namespace hapticd {
 namespace {
 
-constexpr int most_bounded = 2;       // steps in a row that a stale compliance may have made energy in
+// Steps in a row that a stale compliance may have made energy in. One bounds the motion, and asks for a
+// reference factor; a step that made it itself would leave the loop without a problem for longer.
+constexpr int most_bounded = 25;
 constexpr double most_plausible = 2;  // edges that a free motion takes a node without being looked into
+constexpr double far = 0.5;           // … of a node that joins the zone where it was not plausible
+constexpr std::size_t most_far = 80;  // nodes
 
 }  // namespace
 
@@ -25,7 +29,7 @@ void FactorStage::run(const StepContext& c, const InstrumentSamples& samples, St
   }
 }
 
-void FactorStage::renew(const StepContext& c, StepReport& report) {
+void FactorStage::renew(const StepContext& c, bool looks_ahead, StepReport& report) {
   const double h = c.settings.h;
   for (int b = 0; b < c.body_count(); ++b) {
     Body& body = c.bodies[b];
@@ -34,14 +38,11 @@ void FactorStage::renew(const StepContext& c, StepReport& report) {
       update_rotations(body.model, body.state);
       continue;
     }
-    if (foresees(body)) {
+    if (looks_ahead && foresees(body)) {
       foresee_free_motion(body, h);  // what comes of it is looked into by the prediction
     } else {
       fresh_free_motion(body, h);
-      if (!plausible(c, body)) {
-        make_reference(c, b, report);
-        compute_free_motion(body, h);
-      }
+      make_plausible(c, b, report);
     }
     if (!c.contacts.empty()) finish_free_motion(body, nullptr);
   }
@@ -55,9 +56,11 @@ void FactorStage::factor(const StepContext& c, int b, StepReport& report) {
   }
   body.compliance->update(body.state);
   compute_free_motion(body, c.settings.h);
-  if (!plausible(c, body) || (keeps_references_ && body.energy.bounded_steps >= most_bounded)) {
+  if (keeps_references_ && body.energy.bounded_steps >= most_bounded) {
     make_reference(c, b, report);
     compute_free_motion(body, c.settings.h);
+  } else {
+    make_plausible(c, b, report);
   }
   if (!c.contacts.empty()) finish_free_motion(body, nullptr);  // of any node that may meet another body
 }
@@ -103,10 +106,17 @@ void FactorStage::cover(const StepContext& c, int b, const InstrumentSamples& sa
   // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
   // a reference factor there and meanwhile pay for a half solve per node.
   follow(c, b, samples, nodes);
-  if (body.compliance->zone_covers(nodes))
-    body.compliance->update(body.state);
-  else
-    for (const int n : nodes) report.uncovered_nodes += !body.compliance->zone_covers(std::span(&n, 1));
+  if (body.compliance->zone_covers(nodes)) return body.compliance->update(body.state);
+  std::vector<int> uncovered;
+  for (const int n : nodes)
+    if (!body.compliance->zone_covers(std::span(&n, 1))) uncovered.push_back(n);
+  report.uncovered_nodes += static_cast<int>(uncovered.size());
+  if (!body.references) return;
+  body.references->extend_zone(uncovered);
+  if (!body.asleep) return;  // an update is due soon
+  finish_free_motion(body, nullptr);
+  body.compliance->update(body.state);
+  body.free.ahead = false;
 }
 
 // Tissue let go springs back by an edge in a step, not by many. Where elements outside the zone have turned
@@ -130,6 +140,30 @@ bool FactorStage::plausible(const StepContext& c, Body& body) const {
   }
   return within(most_plausible) || !body.references ||
          body.references->disagreement(body.state, body.free.dx) < 1;
+}
+
+// The far field is stale where tissue moved far; a flap that a blade left has few nodes.
+bool FactorStage::extend_where_far(Body& body) {
+  std::vector<int> nodes;
+  for (int n = 0; n < body.model.nodes_in_use; ++n) {
+    const bool moves_far = body.free.dx.segment<3>(3 * n).squaredNorm() > far * far * body.edge * body.edge;
+    if (moves_far && !body.compliance->zone_covers(std::span(&n, 1))) nodes.push_back(n);
+  }
+  if (nodes.empty() || nodes.size() > most_far || !body.references) return false;
+  body.references->extend_zone(nodes);
+  body.compliance->update(body.state);
+  return true;
+}
+
+void FactorStage::make_plausible(const StepContext& c, int b, StepReport& report) {
+  Body& body = c.bodies[b];
+  if (plausible(c, body)) return;
+  if (extend_where_far(body)) {
+    compute_free_motion(body, c.settings.h);
+    if (plausible(c, body)) return;
+  }
+  make_reference(c, b, report);
+  compute_free_motion(body, c.settings.h);
 }
 
 void FactorStage::make_reference(const StepContext& c, int b, StepReport& report) {

@@ -21,7 +21,7 @@ class FactorStage {
   FactorStage(const WorldSettings& settings, std::size_t bodies);
 
   void run(const StepContext& c, const InstrumentSamples& samples, StepReport& report);
-  void renew(const StepContext& c, StepReport& report);
+  void renew(const StepContext& c, bool looks_ahead, StepReport& report);
 
   // One body, asleep or not covered: zone at the instrument, factor, free motion.
   void factor(const StepContext& c, int body, StepReport& report);
@@ -45,6 +45,10 @@ class FactorStage {
   ReferenceScheduling references;
 
  private:
+  // Δx_free anew with a better factor, if need be.
+  void make_plausible(const StepContext& c, int body, StepReport& report);
+  // Nodes that Δx_free takes far join the zone. False: it is as it was.
+  static bool extend_where_far(Body& body);
   bool move_zone(const StepContext& c, int body, const InstrumentPoses& X, std::span<const int> first,
                  std::span<const int> needed) const;
 

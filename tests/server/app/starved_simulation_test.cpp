@@ -76,7 +76,8 @@ TEST(StarvedSimulation, TissueHoldsWhereStepsAndReferencesComeLate) {
       EXPECT_LT(run.farthest, 2.5e-3) << c.least << " to " << c.most << " s, seed " << seed;
       made += run.synchronous_references;
     }
-  EXPECT_GT(made, 0);
+  // What moves far joins the zone, and motion is bounded: a step that made one would be late itself.
+  EXPECT_LT(made, 3);
   // In time, none is needed.
   EXPECT_EQ(stroke(scene, 0.02, 0.02, 1, 1).synchronous_references, 0);
 }

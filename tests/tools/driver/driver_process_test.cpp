@@ -171,7 +171,7 @@ TEST_F(DriverProcess, TheExampleRunsUntilItsSignalAndWroteZeroLast) {
   const ScratchDirectory scratch;
   const std::string output = scratch.file("example");
   ChildProcess example({BIN_DIR "/example_driver", std::to_string(domain_)}, output);
-  usleep(6'000'000);
+  usleep(10'000'000);  // a busy machine takes seconds to begin
   example.signal(SIGINT);
   EXPECT_EQ(example.wait(3000), 0);
   const std::string text = text_of(output);

