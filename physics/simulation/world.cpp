@@ -30,8 +30,8 @@ World::World(std::vector<BodySettings> bodies, std::vector<Instrument> instrumen
     throw std::invalid_argument("a world has one to " + std::to_string(max_instruments) + " instruments");
   for (const ContactPair& p : contacts().pairs())
     if (std::min(p.points, p.faces) < 0 || std::max(p.points, p.faces) >= static_cast<int>(bodies.size()) ||
-        p.points == p.faces)
-      throw std::invalid_argument("a contact pair names two of the bodies");
+        (p.points == p.faces && !bodies[p.points].deformable))
+      throw std::invalid_argument("a contact pair names two of the bodies, or one that comes apart twice");
   for (BodySettings& b : bodies)
     bodies_.emplace_back(std::move(b), settings.h, settings.gravity, settings.compliance,
                          settings.compliance_options);

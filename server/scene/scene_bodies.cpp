@@ -215,8 +215,6 @@ ContactPair read_contact(const YamlMap& yaml, const std::vector<SceneBody>& bodi
     }
     index[k] = static_cast<int>(found - bodies.begin());
   }
-  if (index[0] == index[1])
-    throw yaml.error("between", "names '" + named[0] + "' twice: a body does not touch itself here");
   if (bodies[index[0]].kind == BodyKind::rigid && bodies[index[1]].kind == BodyKind::rigid)
     throw yaml.error("between", "neither body can move: both are fixed obstacles");
   return {index[0], index[1], yaml.number("friction", friction, 0)};

@@ -44,5 +44,6 @@ Command add_chart_tissue(CLI::App& chart);
 Command add_chart_force(CLI::App& chart);
 Command add_chart_all(CLI::App& chart);
 Command add_chart_step(CLI::App& chart);
+Command add_chart_pieces(CLI::App& chart);
 
 }  // namespace hapticd

@@ -19,6 +19,7 @@ bool ZoneFactor::carry(std::span<const int> nodes, const Eigen::Ref<const MatX>&
 
 bool ZoneFactor::take_in(std::span<const int> nodes, std::span<const Mat3> rotation,
                          std::span<const std::uint8_t> gone) {
+  if (nodes.empty()) return true;
   places_.clear();
   for (const int n : nodes) places_.push_back(reference_->place(n));
   const Eigen::Index before = corner_size();

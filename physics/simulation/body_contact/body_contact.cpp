@@ -12,7 +12,9 @@ constexpr double reference_margin = 0.05;  // of the nodes' mean edge: what bodi
 constexpr double ahead = 1.2;              // steps of present speed that a node is watched for
 constexpr double same_place = 1e-3;        // of the edge: nearer than that to an edge, its pseudo-normal
 constexpr double missed = 1e-6;            // overlap that makes a node join [m]
-constexpr double same_contact = 0.9;       // cosine of normals that may hand λ on
+constexpr double behind = 0.02;       // of the edge: a face that a node is farther behind is closed to it
+constexpr double through = 0.1;       // of the edge: … and from so far behind it never was before it
+constexpr double same_contact = 0.9;  // cosine of normals that may hand λ on
 
 bool moves(const Body& body) { return body.deformable && !body.asleep; }
 
@@ -25,6 +27,14 @@ double fastest(const Body& body) {
 
 double depth_of(const Bodies& bodies, const ContactPair& p) {
   return std::min(bodies[p.points].edge, bodies[p.faces].edge);
+}
+
+// Of the node before the face's plane when the step began [m].
+double height_at_start(const Bodies& bodies, const ContactPair& p, int node, int face) {
+  const auto& y = bodies[p.faces].state.x;
+  const Triangle& t = bodies[p.faces].surface.faces()[face].nodes;
+  const Vec3 normal = (y[t[1]] - y[t[0]]).cross(y[t[2]] - y[t[0]]).stableNormalized();
+  return normal.dot(bodies[p.points].state.x[node] - y[t[0]]);
 }
 
 }  // namespace
@@ -57,6 +67,7 @@ void BodyContacts::find(const Bodies& bodies) {
     };
     finder_.find(bodies, k, present, margin, depth, 0, least, candidates_);
   }
+  drop_ghosts(bodies, candidates_);
   const auto capacity = static_cast<std::size_t>(max_body_contacts);
   if (candidates_.size() > capacity) {
     // Those that touched stay; then the nearest. What this leaves out joins when it turns out to matter.
@@ -76,6 +87,22 @@ void BodyContacts::find(const Bodies& bodies) {
     candidates_ = std::move(kept);
   }
   index_contact_nodes(bodies);
+}
+
+// The far side of what is thin: a node far behind a face that did not hold it never was before it.
+void BodyContacts::drop_ghosts(const Bodies& bodies, std::vector<BodyContactCandidate>& found) const {
+  if (first_) return;
+  for (BodyContactCandidate& e : found) {
+    const ContactPair& p = pairs()[e.pair];
+    const double far = -through * depth_of(bodies, p);
+    std::erase_if(e.faces, [&](int f) {
+      return height_at_start(bodies, p, e.node, f) < far &&
+             std::none_of(memory_.begin(), memory_.end(), [&](const Remembered& m) {
+               return m.pair == e.pair && m.node == e.node && m.face == bodies[p.faces].surface.faces()[f].id;
+             });
+    });
+  }
+  std::erase_if(found, [](const BodyContactCandidate& e) { return e.faces.empty(); });
 }
 
 bool BodyContacts::touching(int a, int b) const {
@@ -151,7 +178,6 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
     d.linear = d.start;
   }
   open_faces(bodies);
-  relax_ = 1;
   rows_.clear();
   solved_.clear();
   linearise(bodies);
@@ -173,22 +199,20 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
 void BodyContacts::open_faces(const Bodies& bodies) {
   for (BodyContactCandidate& e : candidates_) {
     const ContactPair& p = pairs()[e.pair];
-    const auto& faces = bodies[p.faces].surface.faces();
-    const auto& y = bodies[p.faces].state.x;
-    const Vec3& x = bodies[p.points].state.x[e.node];
-    const double behind = -same_place * depth_of(bodies, p);
     e.open.clear();
-    for (const int f : e.faces) {
-      const Triangle& t = faces[f].nodes;
-      const Vec3 normal = (y[t[1]] - y[t[0]]).cross(y[t[2]] - y[t[0]]).stableNormalized();
-      if (normal.dot(x - y[t[0]]) > behind) e.open.push_back(f);
-    }
+    for (const int f : e.faces)
+      if (height_at_start(bodies, p, e.node, f) > -behind * depth_of(bodies, p)) e.open.push_back(f);
     if (e.open.empty()) e.open = e.faces;
   }
 }
 
-double BodyContacts::linearise(const Bodies& bodies) {
-  rows_.clear();
+void BodyContacts::start_from(int body, std::span<const Vec3> x) {
+  Domain& d = domains_[body];
+  for (std::size_t k = 0; k < d.nodes.size(); ++k) d.linear[k] = x[d.nodes[k]];
+}
+
+// One for each touch at the linearisation point.
+void BodyContacts::find_rows(const Bodies& bodies, std::vector<BodyContact>& rows) const {
   std::vector<ContactFace> views;
   std::array<VertexFaceContact, max_vertex_face_contacts> touch;
   for (const BodyContactCandidate& e : candidates_) {
@@ -232,9 +256,14 @@ double BodyContacts::linearise(const Bodies& bodies) {
       c.delta_free = c.frame.transpose() * (free - start);
       c.delta_free[0] = c.gap + t.normal.dot(free - relative(bodies, c, &Domain::linear)) - c.allowed;
       c.lambda.setZero();
-      rows_.push_back(c);
+      rows.push_back(c);
     }
   }
+}
+
+double BodyContacts::linearise(const Bodies& bodies) {
+  rows_.clear();
+  find_rows(bodies, rows_);
   warm_start(rows_);
   choose(rows_);
   double off = 0;
@@ -244,6 +273,21 @@ double BodyContacts::linearise(const Bodies& bodies) {
     off = std::max(off, c.lambda[0] > 0 ? std::abs(c.gap - c.allowed) : c.allowed - c.gap);
   }
   return off;
+}
+
+double BodyContacts::add_violated(const Bodies& bodies, double tolerance) {
+  std::vector<BodyContact> found;
+  find_rows(bodies, found);
+  rows_ = solved_;
+  double deepest = 0;
+  report_.penetration = 0;
+  for (const BodyContact& c : found) {
+    report_.penetration = std::max(report_.penetration, -c.gap);
+    if (c.gap >= c.allowed - tolerance) continue;
+    deepest = std::max(deepest, c.allowed - c.gap);
+    rows_.push_back(c);
+  }
+  return deepest;
 }
 
 void BodyContacts::warm_start(std::vector<BodyContact>& rows) const {
@@ -287,6 +331,7 @@ void BodyContacts::choose(std::vector<BodyContact>& rows) {
 }
 
 void BodyContacts::remember() {
+  first_ = false;
   memory_.clear();
   for (const BodyContact& c : solved_)
     if (c.lambda[0] > 0) memory_.push_back({c.pair, c.node, c.face, c.frame.col(0), c.frame * c.lambda});
@@ -308,6 +353,7 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
     const auto margin = [](int, int) { return -missed; };
     finder_.find(bodies, k, x_end, margin, depth, moved, reference_margin * depth, found);
   }
+  drop_ghosts(bodies, found);
   int joined = 0;
   // A node that slid past the faces it was to meet: those it came to join.
   std::erase_if(found, [&](BodyContactCandidate& e) {

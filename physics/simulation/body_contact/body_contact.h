@@ -28,7 +28,7 @@
 
 namespace hapticd {
 
-inline constexpr int max_body_contacts = max_rows;
+inline constexpr int max_body_contacts = 1200;
 
 struct BodyContactSettings {
   std::vector<ContactPair> pairs;  // none: no cost, and not a bit changes
@@ -63,8 +63,10 @@ struct BodyContactReport {
   int active = 0;
   int sliding = 0;
   int dropped = 0;
-  int rounds = 0;  // of the last step
-  int joined = 0;  // nodes that only showed once they had moved
+  int rounds = 0;       // of the last step
+  bool held = false;    // geometry was held in the end: rows were added, none renewed
+  bool capped = false;  // and still some overlap beyond the tolerance was left, or a solve was not solved
+  int joined = 0;       // nodes that only showed once they had moved
   SolveStatus status = SolveStatus::solved;
   double residual = 0;     // natural map
   double penetration = 0;  // deepest true overlap the solve left [m], ≥ 0, recovery under way included
@@ -100,9 +102,13 @@ class BodyContacts {
   // where they are closed or overlap [m].
   double linearise(const Bodies& bodies);
 
-  // How far the linearisation point follows a solve: 1 all the way, less where geometry goes round in
-  // circles.
-  void relax(double part) { relax_ = part; }
+  // The linearisation point goes to x, by mesh node of that body; linearise() next.
+  void start_from(int body, std::span<const Vec3> x);
+
+  // Keeps the rows of the last solve as they are, and adds one for each node that the solve left inside by
+  // more than `tolerance`, linearised where it is. Returns the deepest of them; 0: none is, and the solve
+  // ends here.
+  double add_violated(const Bodies& bodies, double tolerance);
 
   // λ under the instrument's force on the patch's nodes (3·nodes); moves the linearisation point.
   void solve(const VecX& tool_force);
@@ -118,6 +124,8 @@ class BodyContacts {
 
   // problem.C() and problem.x_free as above, from C, x_free and the solve.
   void condense(CondensedProblem& problem) const;
+
+  bool pushes(int body) const;  // any force of another body on this one
 
   // Adds the bodies' contact forces to f (3·nodes of the body).
   void add_forces(int body, Eigen::Ref<VecX> f) const;
@@ -151,10 +159,12 @@ class BodyContacts {
   };
 
   void open_faces(const Bodies& bodies);
+  void drop_ghosts(const Bodies& bodies, std::vector<BodyContactCandidate>& found) const;
   void index_contact_nodes(const Bodies& bodies);
   const Vec3& position(const Bodies& bodies, int body, int node, std::vector<Vec3> Domain::*at) const;
   Vec3 relative(const Bodies& bodies, const BodyContact& c, std::vector<Vec3> Domain::*at) const;
   Mat3 between(std::span<const ContactStencil> a, std::span<const ContactStencil> b) const;
+  void find_rows(const Bodies& bodies, std::vector<BodyContact>& rows) const;
   void choose(std::vector<BodyContact>& rows);
   void warm_start(std::vector<BodyContact>& rows) const;
   void choose_working();
@@ -182,8 +192,8 @@ class BodyContacts {
   std::vector<BodyContact> solved_;
   std::vector<BodyContact> applied_;
   std::vector<Remembered> memory_;
+  bool first_ = true;  // nothing was ever solved
   int rows_per_contact_ = 3;
-  double relax_ = 1;
   std::vector<int> working_;  // contacts of solved_ that W_ holds; the others are open
   std::vector<int> works_;    // their places there, −1: not
   MatX W_;

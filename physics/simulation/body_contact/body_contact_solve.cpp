@@ -31,6 +31,7 @@ Mat3 BodyContacts::between(std::span<const ContactStencil> a, std::span<const Co
 void BodyContacts::choose_working() {
   solved_ = rows_;
   working_.clear();
+  W_.resize(0, 0);
   works_.assign(solved_.size(), -1);
   const bool known =
       std::any_of(solved_.begin(), solved_.end(), [](const auto& c) { return c.lambda[0] > 0; });
@@ -59,10 +60,12 @@ bool BodyContacts::grow_working() {
   return working_.size() > before;
 }
 
+// W of the working contacts; of those that were there before, it stands already.
 void BodyContacts::assemble() {
   const int n = static_cast<int>(working_.size()), m = rows_per_contact_;
-  W_.resize(m * n, m * n);
-  for (int j = 0; j < n; ++j)
+  const int known = static_cast<int>(W_.rows()) / m;
+  W_.conservativeResize(m * n, m * n);
+  for (int j = known; j < n; ++j)
     for (int i = 0; i <= j; ++i) {
       const BodyContact &a = solved_[working_[i]], &b = solved_[working_[j]];
       const Mat3 G = between(a.stencil, b.stencil);
@@ -147,7 +150,7 @@ void BodyContacts::move() {
     if (!d.mobile) continue;
     const VecX moved = displacement(d);
     for (std::size_t k = 0; k < d.nodes.size(); ++k)
-      d.linear[k] += relax_ * (d.free[k] + moved.segment<3>(3 * static_cast<Eigen::Index>(k)) - d.linear[k]);
+      d.linear[k] = d.free[k] + moved.segment<3>(3 * static_cast<Eigen::Index>(k));
   }
 }
 
@@ -272,6 +275,8 @@ VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const Con
   set_tool(force);
   return force;
 }
+
+bool BodyContacts::pushes(int body) const { return !domains_[body].force.isZero(0); }
 
 void BodyContacts::add_forces(int body, Eigen::Ref<VecX> f) const {
   const Domain& d = domains_[body];

@@ -1,18 +1,40 @@
 #include "physics/simulation/body_contact/body_contact_stage.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "physics/simulation/body_contact/instrument_side.h"
 
 namespace hapticd {
 namespace {
 
-constexpr int most_rounds = 16;
-constexpr int most_attempts = 5;        // at finding the nodes that a fast step brings into touch
+constexpr int most_rounds = 16;         // with geometry renewed
+constexpr int patience = 3;             // rounds in vain, after which geometry is held
+constexpr double in_vain = 0.7;         // of what was left before
+constexpr int most_held = 200;          // solves with geometry held: a bound for friction alone
+constexpr int most_attempts = 40;       // at finding the nodes that a fast step brings into touch
 constexpr double settled_force = 1e-6;  // relative
 constexpr double settled_gap = 1e-7;    // [m]
+constexpr double held_gap = 1e-6;       // overlap that geometry held may leave [m]
 
-double relaxed(int round) { return round < 4 ? 1 : round < 8 ? 0.5 : 0.25; }
+// Rounds of a solve, and whether they come to an end.
+class Rounds {
+ public:
+  // left: what has not settled, in its tolerance.
+  void end(double left) {
+    ++count_;
+    left_ = left;
+    since_ = left < in_vain * best_ ? 0 : since_ + 1;
+    best_ = std::min(best_, left);
+  }
+  bool settled() const { return left_ <= 1; }
+  bool go_on() const { return !settled() && count_ < most_rounds && since_ < patience; }
+  int count() const { return count_; }
+
+ private:
+  int count_ = 0, since_ = 0;
+  double left_ = 2, best_ = std::numeric_limits<double>::infinity();
+};
 
 }  // namespace
 
@@ -45,6 +67,26 @@ void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
     c.bodies[b].compliance->patch(nodes, C);
   }
   contacts_.set_free_motion(c.bodies);
+  if (!known_end_) return;
+  for (int b = 0; b < c.body_count(); ++b)
+    if (!contacts_.domain_nodes(b).empty() && !x_end_[b].empty()) contacts_.start_from(b, x_end_[b]);
+  contacts_.linearise(c.bodies);
+}
+
+// What converges: J(x) = ½ ‖x − x_free‖²_A is least over the half spaces of the rows there are. Rows are only
+// added, so J rises and, by its strong convexity, ½ ‖x_k+1 − x_k‖²_A ≤ J_k+1 − J_k. J is bounded where the
+// half spaces have a point in common, so the steps go to nothing, and with them the overlap: a row that was
+// added at x_k holds at x_k+1. With friction J has no such bound, and `most_held` ends what would not end.
+void BodyContactStage::hold_geometry(const StepContext& c, const std::function<void()>& solve) {
+  BodyContactReport& report = contacts_.report();
+  report.held = true;
+  double deepest = contacts_.add_violated(c.bodies, held_gap);
+  for (int k = 0; k < most_held && deepest > 0; ++k) {
+    solve();
+    ++report.rounds;
+    deepest = contacts_.add_violated(c.bodies, held_gap);
+  }
+  report.capped = deepest > 0;
 }
 
 void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
@@ -52,35 +94,39 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
                                   const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   if (!contacts_.any()) return contact.solve(c, samples, problem, last, report);
   begin_solve(c, factors, samples, report);
+  contacts_.report().held = contacts_.report().capped = false;
   VecX force = remembered_force(problem, contact.state.solver.memory);
+  Rounds rounds;
   contacts_.solve(force);
-  double off = contacts_.linearise(c.bodies);
-  int round = 1;
-  const bool reached = any_present(samples) && problem.samples > 0;
-  if (!reached) {
-    contact.solve(c, samples, problem, last, report);
-    for (; round < most_rounds && off > settled_gap; ++round) {
-      contacts_.relax(relaxed(round));
-      contacts_.solve(force);
-      off = contacts_.linearise(c.bodies);
-    }
-  } else {
+  const double first = contacts_.linearise(c.bodies);
+  if (any_present(samples) && problem.samples > 0) {
     InstrumentSide tool(problem, c.instruments, poses_of(samples), c.settings.h,
                         contact_margin * problem.alarm_distance, contact.state.solver, contact.scratch());
-    for (double change = 1; round < most_rounds && (change > settled_force || off > settled_gap); ++round) {
-      contacts_.relax(relaxed(round));
+    const auto solve = [&] { force = contacts_.solve_with(problem, contact.scratch().rows, tool.lambda); };
+    do {
       const VecX before = force;
       tool.linearise(contacts_);
-      force = contacts_.solve_with(problem, contact.scratch().rows, tool.lambda);
-      tool.follow(relaxed(round));
-      off = contacts_.linearise(c.bodies);
-      const double size = std::max(force.norm(), before.norm());
-      change = size > 0 ? (force - before).norm() / size : 0;
-    }
+      solve();
+      tool.follow();
+      const double off = contacts_.linearise(c.bodies), size = std::max(force.norm(), before.norm());
+      const double change = size > 0 ? (force - before).norm() / size : 0;
+      rounds.end(std::max(off / settled_gap, change / settled_force));
+    } while (rounds.go_on());
+    contacts_.report().rounds = rounds.count();
+    if (!rounds.settled()) hold_geometry(c, solve);
     report.contact = tool.finish(contacts_);
+  } else {
+    contact.solve(c, samples, problem, last, report);
+    rounds.end(first / settled_gap);
+    while (rounds.go_on()) {
+      contacts_.solve(force);
+      rounds.end(contacts_.linearise(c.bodies) / settled_gap);
+    }
+    contacts_.report().rounds = rounds.count();
+    if (!rounds.settled()) hold_geometry(c, [&] { contacts_.solve(force); });
   }
   contact.state.patch_force = force;
-  contacts_.report().rounds = round;
+  contacts_.report().capped |= contacts_.report().status != SolveStatus::solved;
 }
 
 void BodyContactStage::predict_end(const StepContext& c, int b, const VecX& patch_force) {
@@ -115,18 +161,24 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
                              const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
-  x_end_.resize(c.bodies.size());
+  x_end_.assign(c.bodies.size(), {});
+  known_end_ = false;
+  int missing = 0;
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     contact.state.solver = before;
     solve_once(c, factors, contact, samples, problem, last, report);
     for (const ContactPair& p : contacts_.pairs())
       for (const int b : {p.points, p.faces}) predict_end(c, b, contact.state.patch_force);
+    known_end_ = true;
     const Positions end = [&](int b) {
       return std::span<const Vec3>(is_awake(c.bodies[b]) ? x_end_[b] : c.bodies[b].state.x);
     };
-    if (attempt + 1 == most_attempts || contacts_.join_missed(c.bodies, end) == 0) break;
+    missing = contacts_.join_missed(c.bodies, end);
+    if (missing == 0) break;
     wake_touched(c, factors, samples);
   }
+  known_end_ = false;
+  contacts_.report().capped |= missing > 0;
   // Where all sleep, the forces of the last step hold them.
   if (report.awake_bodies > 0) contacts_.keep();
   report.body_contact = contacts_.report();

@@ -2,7 +2,7 @@
 //
 //   find      who may touch whom, before the zones are chosen
 //   solve     [rows of the instrument and of the bodies at the last solve's state → one solve of all] …
-//             until neither force nor geometry changes: two or three rounds
+//             until neither force nor geometry changes; where they go round in circles, geometry is held
 //   condense  contacts at the state just reached and under its free motion, eliminated from what is published
 //
 // Taking turns instead (bodies given the force, the instrument on their condensed response) does not
@@ -11,6 +11,7 @@
 // by status.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -46,11 +47,13 @@ class BodyContactStage {
  private:
   void begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
                    StepReport& report);
+  void hold_geometry(const StepContext& c, const std::function<void()>& solve);
   void predict_end(const StepContext& c, int body, const VecX& patch_force);
   void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples);
 
   BodyContacts contacts_;
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
+  bool known_end_ = false;                // … as an attempt before this one found
 };
 
 }  // namespace hapticd

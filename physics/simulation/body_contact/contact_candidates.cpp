@@ -5,6 +5,8 @@
 #include <limits>
 #include <tuple>
 
+#include "physics/tissue/fragments.h"
+
 namespace hapticd {
 namespace {
 
@@ -53,6 +55,13 @@ struct Grid {
 
 void SurfaceNormals::set_surface(const Body& body) {
   const auto& faces = body.surface.faces();
+  piece_of_face.assign(faces.size(), 0);
+  piece_of_node.assign(body.state.x.size(), -1);
+  const std::vector<int> of_tet = body.deformable ? label_pieces(body.model, body.state) : std::vector<int>();
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    if (body.deformable) piece_of_face[f] = of_tet[faces[f].id / 4];
+    for (const int n : faces[f].nodes) piece_of_node[n] = piece_of_face[f];
+  }
   nodes.clear();
   across.assign(faces.size(), {-1, -1, -1});
   struct Edge {
@@ -148,6 +157,9 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   const std::span<const Vec3> x = positions(p.points), y = positions(p.faces);
   const auto &start = bodies[p.points].state.x, &other_start = bodies[p.faces].state.x;
   if (own.nodes.empty() || faces.empty()) return;
+  const auto in_one = [&](int piece) { return piece == theirs.piece_of_face.front(); };
+  if (p.points == p.faces && std::all_of(theirs.piece_of_face.begin(), theirs.piece_of_face.end(), in_one))
+    return;
 
   const double deepest = depth + moved;
   double reach = deepest;
@@ -203,6 +215,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
         if (visited[k] == node || !around.intersects(boxes[k])) continue;
         visited[k] = node;
         const int f = near[k];
+        if (p.points == p.faces && theirs.piece_of_face[f] == own.piece_of_node[node]) continue;
         if (theirs.face[f].dot(own.node[node]) > looks_the_same_way) continue;
         if (theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]) < -depth) continue;
         const std::array<Vec3, 3> c = corners(faces[f].nodes, y);

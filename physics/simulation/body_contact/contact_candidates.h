@@ -1,8 +1,10 @@
 // Which surface nodes of one body may touch which faces of another in this step.
 //
 // A pair of bodies is opt-in, and one-sided: the first's surface nodes against the second's faces. Name the
-// finer one first; name the pair both ways where neither is finer. Nodes are fixed in the material, so a
-// contact is found again from step to step by (pair, node), whatever faces it slides over.
+// finer one first; name the pair both ways where neither is finer. A body paired with itself: nodes of each
+// of its connected pieces against faces of the others, from the step in which they come apart. Nodes are
+// fixed in the material, so a contact is found again from step to step by (pair, node), whatever faces it
+// slides over.
 //   broad phase    boxes of the two surfaces, then a uniform grid over the faces in their overlap
 //   narrow phase   distance to each face of the neighbouring cells, sign of its plane
 // No ghosts: a face that looks the same way as the node's own surface (n_face · n_node > 0.2) is the far side
@@ -47,8 +49,10 @@ struct BodyContactCandidate {
 struct SurfaceNormals {
   std::vector<int> nodes;                  // on the surface, ascending
   std::vector<std::array<int, 3>> across;  // per face: the face over the edge opposite each corner, or −1
-  std::vector<Vec3> face;                  // unit
-  std::vector<Vec3> node;                  // angle-weighted, unit, per mesh node
+  std::vector<int> piece_of_face;  // the connected piece it belongs to (fragments.h); 0 of a rigid body
+  std::vector<int> piece_of_node;  // per mesh node; −1 off the surface
+  std::vector<Vec3> face;          // unit
+  std::vector<Vec3> node;          // angle-weighted, unit, per mesh node
 
   void set_surface(const Body& body);
   void follow(const Body& body);

@@ -5,6 +5,11 @@
 #include "physics/contact/cutting/edge_rows.h"
 
 namespace hapticd {
+namespace {
+
+constexpr double least_margin = 1e-6;  // [m]
+
+}  // namespace
 
 InstrumentSide::InstrumentSide(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& device, double h, double margin, ContactState& state,
@@ -33,8 +38,14 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
     contacts.patch_positions(scratch_.x);
   first_ = false;
   ContactRows& rows = scratch_.rows;
-  build_rows(problem_, instruments_, start_.X_free, X_, scratch_.x, start_.K_inv, working_, margin_, rows,
-             nullptr, nullptr, period_);
+  const auto build = [&](double margin) {
+    build_rows(problem_, instruments_, start_.X_free, X_, scratch_.x, start_.K_inv, working_, margin, rows,
+               nullptr, nullptr, period_);
+  };
+  build(margin_);
+  // A choice among too many changes from round to round; what is near enough to matter is not too many.
+  for (; !frozen_ && rows.contacts == max_contacts && margin_ > least_margin; margin_ *= 0.5)
+    build(0.5 * margin_);
   ++scratch_.matrix_version;
   lambda = VecX::Zero(rows.rows());
   for (int i = 0; i < rows.contacts; ++i)
@@ -44,9 +55,9 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
           (rows.row[i].frame.transpose() * known->lambda).head(rows.rows_per_contact);
 }
 
-void InstrumentSide::follow(double part) {
+void InstrumentSide::follow() {
   remember(working_);
-  if (!frozen_) X_ = displaced(X_, difference(placed_by(start_, wrench()), X_), part);
+  if (!frozen_) X_ = placed_by(start_, wrench());
 }
 
 ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {

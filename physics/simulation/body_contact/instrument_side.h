@@ -21,8 +21,8 @@ class InstrumentSide {
   // Rows where the last solve has put instrument and tissue; λ to start from.
   void linearise(const BodyContacts& contacts);
 
-  // After a solve: the instrument goes that part of the way to where its forces put it.
-  void follow(double part);
+  // After a solve: the instrument goes to where its forces put it.
+  void follow();
 
   // Leaves memory and coupling offset for the next step.
   ContactSolution finish(const BodyContacts& contacts);

@@ -190,7 +190,7 @@ TEST_F(SceneReader, ContactsBetweenBodies) {
   };
   refused("[block, wall]", "[block, wal]", "contacts[0].between", "did you mean 'wall'?");
   refused("[block, wall]", "block", "contacts[0].between", "two bodies");
-  refused("[block, wall]", "[block, block]", "contacts[0].between", "twice");
+  refused("[block, wall]", "[wall, wall]", "contacts[0].between", "neither");
   refused("friction: 0.3", "friction: -0.3", "contacts[0].friction", "");
   refused("friction: 0.3", "frictoin: 0.3", "contacts[0].frictoin", "friction");
   refused("friction: 0.3\n", "friction: 0.3\n  - between: [block, wall]\n", "contacts[1].between", "already");
