@@ -20,7 +20,7 @@ struct PiecesOptions {
   int steps = 20000;
   unsigned seed = 1;
   bool quick = false;
-  std::string json, csv, out;
+  std::string json;
   bool force = false;
 };
 
@@ -33,6 +33,7 @@ nlohmann::ordered_json to_json(const StirFigures& f) {
       {"joint", f.joint},
       {"capped", f.capped},
       {"geometry_held", f.held},
+      {"bounded", f.bounded},
       {"rounds_max", f.rounds},
       {"overlap_um_max", rounded(1e6 * f.overlap, 3)},
       {"tunnelled", f.tunnelled},
@@ -44,15 +45,15 @@ void print(const StirFigures& f) {
   const Quantiles ms = quantiles(f.step_ms);
   std::printf(
       "  %-10s %d steps, %d with contacts of bodies: %d capped, %d with geometry held, %d rounds at most; "
-      "step ms p50 "
-      "%.1f p99 %.1f; %d touches; overlap %.2f um, tunnelled %d; third law %.1e\n",
+      "step ms p50 %.1f p99 %.1f; %d touches; overlap %.2f um, tunnelled %d; third law %.1e\n",
       f.name.c_str(), f.steps, f.joint, f.capped, f.held, f.rounds, ms.p50, ms.p99, f.touches,
       1e6 * f.overlap, f.tunnelled, f.third_law);
 }
 
 int chart_pieces(PiecesOptions& options, const CLI::App& app) {
   if (options.quick && app.count("--steps") == 0) options.steps = 200;
-  prepare_outputs("pieces", "", options.out, options.json, options.csv, options.force);
+  std::string no_csv;
+  prepare_outputs("pieces", "", "", options.json, no_csv, options.force);
   keep_malloc_pages();
   nlohmann::ordered_json json;
   json["command"] = "chart pieces";

@@ -77,7 +77,7 @@ TEST(ZoneExtension, TurnsWhatIsInside) {
   EXPECT_LT(errors.apply, 1e-10);
 }
 
-// It is definite however everything has turned, the tissue of those nodes that lost all theirs included.
+// A node that has lost all its tetrahedra does not join; one that joined may lose them afterwards.
 TEST(ZoneExtension, OrphansAmongThem) {
   const TissueModel model = box(3);
   const std::vector<int> zone = oracle::nearest(model, tip, 12);
