@@ -1,4 +1,5 @@
 // haptic chart pieces: what keeping pieces of tissue apart costs, and how well it does.
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -6,6 +7,7 @@
 #include "server/os/realtime.h"
 #include "server/scene/scene_reader.h"
 #include "tools/chart/chart.h"
+#include "tools/chart/pieces/piece_check.h"
 #include "tools/chart/pieces/stirred_scene.h"
 #include "tools/cli/command.h"
 #include "tools/cli/interrupt.h"
@@ -15,7 +17,10 @@
 namespace hapticd {
 namespace {
 
+const std::vector<std::string> part_names = {"scenes", "theory"};
+
 struct PiecesOptions {
+  std::vector<std::string> only;
   std::vector<std::string> scenes = {"fragment/fragment", "fragment/both_ways", "quadrants/quadrants"};
   int steps = 20000;
   unsigned seed = 1;
@@ -50,31 +55,79 @@ void print(const StirFigures& f) {
       1e6 * f.overlap, f.tunnelled, f.third_law);
 }
 
+nlohmann::ordered_json to_json(const TissueCheck& c) {
+  return {{"name", c.name},       {"expected", c.reference},
+          {"found", c.value},     {"rel_error", c.relative_error},
+          {"asked", c.tolerance}, {"passed", c.passed}};
+}
+
+void print(const TissueFindings& theory) {
+  for (const TissueCheck& c : theory.checks)
+    std::printf("  %-5s %-92s %12.6g %12.6g  %.1e of %.0e\n", c.passed ? "ok" : "SHORT", c.name.c_str(),
+                c.reference, c.value, c.relative_error, c.tolerance);
+  for (const std::string& s : theory.skipped) std::printf("  skip  %s\n", s.c_str());
+}
+
+// What has been measured is printed at once.
+class PiecesChart {
+ public:
+  explicit PiecesChart(const PiecesOptions& options) : options_(options) { json["command"] = "chart pieces"; }
+
+  void scenes() {
+    json["scenes"] = nlohmann::ordered_json::array();
+    for (const std::string& name : options_.scenes) {
+      StirSettings settings;
+      settings.steps = options_.steps;
+      settings.seed = options_.seed;
+      const Scene scene = read_scene(config_file("scenes/" + name + ".yaml"));
+      const StirFigures f = stir(scene, settings, shown(name));
+      if (interrupted()) return;
+      print(f);
+      json["scenes"].push_back(to_json(f));
+    }
+  }
+
+  void theory() {
+    const Effort effort = options_.quick ? Effort::quick : Effort::full;
+    TissueFindings findings;
+    const auto& groups = piece_check_groups();
+    for (std::size_t g = 0; g < groups.size() && !interrupted(); ++g) {
+      progress_.show(static_cast<double>(g) / static_cast<double>(groups.size()), groups[g].name);
+      groups[g].run(effort, findings);
+    }
+    print(findings);
+    json["theory"] = nlohmann::ordered_json::array();
+    for (const TissueCheck& c : findings.checks) json["theory"].push_back(to_json(c));
+  }
+
+  nlohmann::ordered_json json;
+
+ private:
+  std::function<bool(double)> shown(const std::string& what) {
+    return [this, what](double fraction) {
+      progress_.show(fraction, what);
+      return !interrupted();
+    };
+  }
+
+  const PiecesOptions& options_;
+  Progress progress_{"chart"};
+};
+
 int chart_pieces(PiecesOptions& options, const CLI::App& app) {
   if (options.quick && app.count("--steps") == 0) options.steps = 200;
   std::string no_csv;
   prepare_outputs("pieces", "", "", options.json, no_csv, options.force);
   keep_malloc_pages();
-  nlohmann::ordered_json json;
-  json["command"] = "chart pieces";
-  json["scenes"] = nlohmann::ordered_json::array();
-  {
-    Progress progress("chart");
-    for (const std::string& name : options.scenes) {
-      StirSettings settings;
-      settings.steps = options.steps;
-      settings.seed = options.seed;
-      const Scene scene = read_scene(config_file("scenes/" + name + ".yaml"));
-      const StirFigures f = stir(scene, settings, [&](double fraction) {
-        progress.show(fraction, name);
-        return !interrupted();
-      });
-      if (interrupted()) return 1;
-      print(f);
-      json["scenes"].push_back(to_json(f));
-    }
-  }
-  if (!options.json.empty()) write_json(options.json, json);
+  const auto wanted = [&](const char* part) {
+    return !interrupted() &&
+           (options.only.empty() || std::count(options.only.begin(), options.only.end(), part) > 0);
+  };
+  PiecesChart chart(options);
+  if (wanted("scenes")) chart.scenes();
+  if (wanted("theory")) chart.theory();
+  if (interrupted()) return 1;
+  if (!options.json.empty()) write_json(options.json, chart.json);
   return 0;
 }
 
@@ -85,6 +138,9 @@ Command add_chart_pieces(CLI::App& chart) {
   CLI::App* app =
       chart.add_subcommand("pieces", "Pieces of tissue that touch: cost, overlap and laws of their contact.");
   app->add_flag("--quick", options->quick, "200 steps a scene: half a minute");
+  app->add_option("--only", options->only, "only these parts")
+      ->delimiter(',')
+      ->check(CLI::IsMember(part_names));
   app->add_option("--scenes", options->scenes, "which are stirred, of config/scenes")
       ->delimiter(',')
       ->capture_default_str();
