@@ -15,6 +15,19 @@ double sign_of(int side) { return side == 0 ? -1 : 1; }
 
 }  // namespace
 
+std::unique_ptr<World> block_on_block(const BlockOnBlock& settings) {
+  WorldSettings s = contact_world({});
+  if (settings.contacts) s.body_contact.pairs = {{0, 1, settings.mu}};
+  if (settings.gravity) s.gravity = Vec3(0, 0, -g);
+  s.removal[0] = {400, 2e-4, 0, 0};
+  BodySettings lower = block("lower", Vec3(0.012, 0.012, 6e-3), {4, 4, 3}, {10e3, 0.4, 1000, 0, 2e-3});
+  lower.fixed_nodes = lower.mesh.group("bottom")->nodes;
+  lower.removable = true;
+  const BodySettings upper = block("upper", Vec3(8e-3, 8e-3, 4e-3), {4, 4, 3}, {5e3, 0.4, 1000, 0, 2e-3},
+                                   {Vec3(2e-3, 2e-3, 6e-3 + settings.apart), Quat::Identity()});
+  return std::make_unique<World>(std::vector<BodySettings>{upper, lower}, ball(2e-3), s);
+}
+
 Incline::Incline(double angle, double mu, bool soft_ground, const std::array<int, 3>& cells) {
   const Pose tilt{Vec3::Zero(), about_y(angle)};
   down = tilt.q * Vec3::UnitX();

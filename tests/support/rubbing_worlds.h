@@ -1,11 +1,21 @@
-// Two worlds of friction between bodies whose answers one can write down: an incline, and a wedge.
+// Worlds of bodies that rub on one another, whose answers one can write down: a block on another, an incline,
+// a wedge.
 //
-// Both step by 20 ms. Units: SI.
+// All step by 20 ms. Units: SI.
 #pragma once
 
 #include "tests/support/bodies.h"
 
 namespace hapticd {
+
+// A floating block, [2, 10] × [2, 10] mm, on one that is held, [0, 12] × [0, 12] mm, 6 mm high; both soft,
+// the upper's top at 10 mm; a ball of 2 mm.
+struct BlockOnBlock {
+  double mu = 0;
+  bool gravity = true, contacts = true;
+  double apart = 1e-5;  // [m]
+};
+std::unique_ptr<World> block_on_block(const BlockOnBlock& settings);
 
 // A soft block [10, 10, 5] mm on an incline of this angle, gravity downwards: it sticks while tan(angle) ≤ μ.
 struct Incline {
