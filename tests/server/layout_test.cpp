@@ -89,7 +89,7 @@ const std::map<std::string, std::vector<std::string>> rooms = {
     {"tools/mesh", {"cli"}},
     {"tools/offline", {"cli"}},
     {"tools/record", {"cli"}},
-    {"tools/chart/pieces", {"cli", "chart"}},
+    {"tools/chart/pieces", {"cli", "chart", "chart/solver", "chart/tissue"}},
     {"tools/chart/cut", {"cli", "chart", "chart/removal", "chart/step", "chart/tissue"}},
     {"tools/chart/economy", {"cli", "chart", "offline"}},
     {"tools/chart/force", {"cli", "chart", "offline"}},

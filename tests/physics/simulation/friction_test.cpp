@@ -5,48 +5,19 @@
 #include <cstdio>
 #include <numbers>
 
-#include "tests/support/bodies.h"
+#include "tests/support/rubbing_worlds.h"
 
 namespace hapticd {
 namespace {
 
 constexpr double g = 9.81;
 constexpr double degree = std::numbers::pi / 180;
-const Material tissue{5000, 0.4, 1000, 0, 2e-3};
-const Vec3 size(0.01, 0.01, 0.005);
 
-// A block on an incline of this angle, gravity downwards; x along the fall line.
-struct Incline {
-  CondensedProblem problem;
-  std::unique_ptr<World> world;
-  Vec3 down;  // along the fall line
-
-  Incline(double angle, double mu, bool deformable_incline = false) {
-    const Pose tilt{Vec3::Zero(), Quat(Eigen::AngleAxisd(angle, Vec3::UnitY()))};
-    down = tilt.q * Vec3::UnitX();
-    Pose lower = tilt, upper = tilt;
-    lower.p = tilt.q * Vec3(-0.01, -0.005, -0.004);
-    upper.p = tilt.q * Vec3(0, 0, 1e-5);
-    WorldSettings s = contact_world({{0, 1, mu}});
-    s.gravity = Vec3(0, 0, -g);
-    BodySettings incline = slab("incline", Vec3(0.3, 0.02, 0.004), {30, 2, 1}, lower);
-    if (deformable_incline) {
-      incline.deformable = true;
-      incline.material = {50e3, 0.3, 1000, 0, 2e-3};
-      incline.fixed_nodes = incline.mesh.group("bottom")->nodes;
-    }
-    world = std::make_unique<World>(
-        std::vector<BodySettings>{block("block", size, {5, 5, 3}, tissue, upper), incline}, ball(1e-3), s);
-  }
-
-  StepReport step() {
-    const StepReport r = world->step([] { return nobody(); }, problem);
-    EXPECT_EQ(r.body_contact.status, SolveStatus::solved) << r.body_contact.residual;
-    return r;
-  }
-  const Body& body() const { return world->bodies()[0]; }
-  double speed() const { return velocity_of(body()).dot(down); }
-};
+// Whose step must be solved.
+void step(Incline& incline) {
+  const StepReport r = incline.step();
+  EXPECT_EQ(r.body_contact.status, SolveStatus::solved) << r.body_contact.residual;
+}
 
 // Sticks below tan⁻¹ μ, slides above; a twentieth of a degree is told apart, on rigid and on soft ground.
 TEST(Friction, ABlockSticksBelowTheFrictionAngleAndSlidesAboveIt) {
@@ -55,13 +26,13 @@ TEST(Friction, ABlockSticksBelowTheFrictionAngleAndSlidesAboveIt) {
       const double limit = std::atan(mu), bracket = 0.05 * degree;
       Incline below(limit - bracket, mu, soft), above(limit + bracket, mu, soft);
       for (int i = 0; i < 40; ++i) {
-        below.step();
-        above.step();
+        step(below);
+        step(above);
       }
       const double start = centre_of(below.body()).dot(below.down), v = above.speed();
       for (int i = 0; i < 50; ++i) {
-        below.step();
-        above.step();
+        step(below);
+        step(above);
       }
       const double crept = centre_of(below.body()).dot(below.down) - start;
       const double a = (above.speed() - v) / (50 * 0.02);
@@ -77,9 +48,9 @@ TEST(Friction, ASlidingBlockAcceleratesWithGravityLessFriction) {
   for (const double mu : {0.0, 0.1, 0.3}) {
     const double angle = 20 * degree, hand = g * (std::sin(angle) - mu * std::cos(angle));
     Incline incline(angle, mu);
-    for (int i = 0; i < 10; ++i) incline.step();
+    for (int i = 0; i < 10; ++i) step(incline);
     const double v = incline.speed();
-    for (int i = 0; i < 10; ++i) incline.step();
+    for (int i = 0; i < 10; ++i) step(incline);
     EXPECT_NEAR((incline.speed() - v) / 0.2, hand, 1e-6 * g) << mu;
     const Vec3 force = incline.world->contacts().force_on(0);
     const double m = mass_of(incline.body());
@@ -111,8 +82,9 @@ TEST(Friction, ADraggedPadResistsWithMuTimesItsWeight) {
     EXPECT_NEAR(r.contact.wrench[0].head<2>().norm(), mu * floor.z(), 1e-4 * weight);
     EXPECT_NEAR(velocity_of(world.bodies()[0]).x(), speed, 0.01 * speed);
   }
-  std::printf("  felt %.5f mN, mu N = %.5f mN, mu m g = %.5f mN\n", 1e3 * r.contact.wrench[0].head<2>().norm(),
-              1e3 * mu * world.contacts().force_on(0).z(), 1e3 * mu * weight);
+  std::printf("  felt %.5f mN, mu N = %.5f mN, mu m g = %.5f mN\n",
+              1e3 * r.contact.wrench[0].head<2>().norm(), 1e3 * mu * world.contacts().force_on(0).z(),
+              1e3 * mu * weight);
 }
 
 // A wedge of half angle α, pressed between two rigid walls and let go, stays where α < tan⁻¹ μ and comes out
@@ -120,48 +92,23 @@ TEST(Friction, ADraggedPadResistsWithMuTimesItsWeight) {
 TEST(Friction, AWedgeLocksBelowTheFrictionAngleAndLetsGoAbove) {
   const double mu = 0.3;
   for (const bool locks : {true, false}) {
-    const double alpha = std::atan(mu) + (locks ? -3 : 3) * degree, height = 6e-3, width = 6e-3;
-    BodySettings wedge = block("wedge", Vec3(width, 4e-3, height), {4, 3, 4}, {20e3, 0.3, 1000, 10, 5e-3});
-    for (Vec3& x : wedge.mesh.nodes)
-      x.x() = (x.x() - width / 2) * (1 + 2 * (x.z() - height) * std::tan(alpha) / width);
-    // Walls whose faces lie along the wedge's sides, 10 µm away.
-    const auto wall = [&](const std::string& name, double side) {
-      BodySettings w = slab(name, Vec3(2e-3, 12e-3, 20e-3), {1, 1, 2});
-      for (Vec3& x : w.mesh.nodes) {
-        x -= Vec3(side > 0 ? 0 : 2e-3, 4e-3, 10e-3);
-        x = Eigen::AngleAxisd(side * alpha, Vec3::UnitY()) * x +
-            Vec3(side * (width / 2 - height * std::tan(alpha) + 1e-5), 0, 0);
-      }
-      return w;
-    };
-    World world({wedge, wall("left", -1), wall("right", 1)}, ball(2e-3),
-                contact_world({{0, 1, mu}, {0, 2, mu}}));
-    auto problem = std::make_unique<CondensedProblem>();
-    double pressed = 0, applied = 0;
-    for (int i = 0; i < 150; ++i) {
-      const double depth = std::min({1e-3, 2e-5 * i, std::max(-5e-3, 1e-3 - 2e-4 * (i - 70))});
-      const StepReport r = world.step([&] { return at(Vec3(0, 2e-3, height + 2e-3 - depth)); }, *problem);
+    const double alpha = std::atan(mu) + (locks ? -3 : 3) * degree;
+    Wedge wedge(alpha, mu);
+    for (int i = 0; i < Wedge::steps; ++i) {
+      const StepReport r = wedge.step();
       EXPECT_LT(r.body_contact.residual, 1e-6) << i;
       EXPECT_LT(r.body_contact.penetration, 2e-6) << i;
-      const double walls = world.contacts().force_on(1).norm();
-      if (walls > pressed) {
-        pressed = walls;
-        applied = std::abs(r.contact.wrench[0].z());
-      }
     }
-    const double left = world.contacts().force_on(1).norm(), right = world.contacts().force_on(2).norm();
+    const double pressed = wedge.pressed, applied = wedge.applied;
+    const double left = wedge.on_wall(0).norm(), right = wedge.on_wall(1).norm();
     std::printf(
         "  half angle %.1f deg, friction angle %.1f deg: wall %.2f mN under %.2f mN; let go: %.3f, %.3f mN\n",
         alpha / degree, std::atan(mu) / degree, 1e3 * pressed, 1e3 * applied, 1e3 * left, 1e3 * right);
-    // Sliding in, each wall gives N(sin α + μ cos α) against half the load, and N √(1 + μ²) in all; what is
-    // stuck may give more, up to where it would slide out: N(sin α − μ cos α), if it ever would.
-    const double sliding_in =
-        0.5 * applied * std::sqrt(1 + mu * mu) / (std::sin(alpha) + mu * std::cos(alpha));
-    EXPECT_GT(pressed, 0.9 * sliding_in);
+    EXPECT_GT(pressed, 0.9 * applied * wedge.sliding_in());
     if (locks) {
       EXPECT_GT(left, 0.05 * pressed);
       EXPECT_NEAR(left, right, 1e-6 * left);
-      EXPECT_LT(fastest_node(world.bodies()[0]), 1e-5);
+      EXPECT_LT(fastest_node(wedge.world->bodies()[0]), 1e-5);
     } else {
       EXPECT_LT(left, 1e-3 * pressed);
     }

@@ -69,7 +69,7 @@ double third_law(const World& world) {
 }  // namespace
 
 StirFigures stir(const Scene& scene, const StirSettings& settings,
-                 const std::function<bool(double)>& progress) {
+                 const std::function<bool(double)>& progress, const AfterStep& after) {
   StirFigures out;
   out.name = scene.name;
   std::mt19937 random(settings.seed);
@@ -96,6 +96,7 @@ StirFigures stir(const Scene& scene, const StirSettings& settings,
       out.rounds = std::max(out.rounds, c.rounds);
       out.touches = std::max(out.touches, c.contacts);
       out.third_law = std::max(out.third_law, third_law(*world));
+      if (after) after(*world, *problem, r);
       if (i % settings.look == 0) {
         const PieceOverlap o = find_overlap(world->bodies(), world->contacts().pairs());
         out.overlap = std::max(out.overlap, o.depth);

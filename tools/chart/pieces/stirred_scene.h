@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "physics/simulation/world.h"
 #include "server/scene/scene.h"
 
 namespace hapticd {
@@ -42,7 +43,9 @@ struct StirFigures {
   double third_law = 0;  // |Σ forces| / Σ |forces| of the bodies on one another
 };
 
+// after: each step, if anybody wants to look.
+using AfterStep = std::function<void(const World&, const CondensedProblem& published, const StepReport&)>;
 StirFigures stir(const Scene& scene, const StirSettings& settings,
-                 const std::function<bool(double)>& progress);
+                 const std::function<bool(double)>& progress, const AfterStep& after = {});
 
 }  // namespace hapticd

@@ -1,11 +1,10 @@
-// Solids: a manufactured field, NAFEMS LE10, Boussinesq, Hertz.
+// Solids: a manufactured field, NAFEMS LE10, Boussinesq.
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <numbers>
 
-#include "physics/simulation/world.h"
 #include "tests/support/mesh_shapes.h"
 #include "tools/chart/tissue/tissue_analytic.h"
 #include "tools/chart/tissue/tissue_check.h"
@@ -109,16 +108,6 @@ double le10(int k) {
   return stress_at_d(plate, solve_linear(plate.model, load, held), pressure);
 }
 
-// A block below z = 0, its nodes drawn together about the origin: x = half sinh(β s)/sinh β.
-TetMesh graded_block(int n, double half, double beta) {
-  TetMesh mesh = box_mesh({2, 2, 1}, n, n, n / 2);
-  for (Vec3& p : mesh.nodes) {
-    p -= Vec3(1, 1, 1);
-    p = half / std::sinh(beta) * (beta * p.array()).sinh().matrix();
-  }
-  return mesh;
-}
-
 }  // namespace
 
 void check_manufactured(Effort effort, TissueFindings& findings) {
@@ -219,60 +208,6 @@ void check_boussinesq(Effort effort, TissueFindings& findings) {
   findings.converges(series, 0.25, source);
   findings.check("Boussinesq: sinking of the surface, rms error", 0, series.error.back(),
                  effort == Effort::quick ? 0.05 : 0.02, source);
-}
-
-HertzResult hertz_by_bodies(double depth, int cells) {
-  const double a = std::sqrt(hertz_radius * depth), half = 60 * a, beta = 5.3;
-  BodySettings block;
-  block.name = "block";
-  block.mesh = graded_block(cells, half, beta);
-  block.material = {hertz_young, hertz_poisson, 1000, 0, 0};
-  block.fixed_nodes = block.mesh.group("bottom")->nodes;
-
-  // The sphere's lower cap as a plate whose nodes lie on it, `depth` deep.
-  const double reach = 2.5 * a;
-  BodySettings cap;
-  cap.name = "sphere";
-  cap.deformable = false;
-  cap.mesh = box_mesh(Vec3(2 * reach, 2 * reach, 1), 60, 60, 1);
-  for (Vec3& p : cap.mesh.nodes) {
-    p -= Vec3(reach, reach, 0);
-    p.z() = p.z() > 0.5 ? 2e-3
-                        : hertz_radius - depth -
-                              std::sqrt(hertz_radius * hertz_radius - p.x() * p.x() - p.y() * p.y());
-  }
-
-  WorldSettings settings;
-  settings.h = 10;  // quasi-static
-  settings.alarm_distance = 2e-3;
-  settings.sample_spacing = 1e-3;
-  settings.coupling[0] = {500, 0.05, 0};
-  settings.body_contact.pairs = {{0, 1, 0}};
-  Instrument none;
-  none.primitives.resize(1);
-  none.primitives[0].radius = 1e-3;
-  World world({std::move(block), std::move(cap)}, std::move(none), settings);
-  const auto problem = std::make_unique<CondensedProblem>();
-  const StepReport report = world.step([] { return InstrumentSample{}; }, *problem);
-  return {world.contacts().force_on(1).z(), half * std::sinh(beta * 2 / cells) / std::sinh(beta) / a,
-          report.body_contact.dropped, report.body_contact.penetration};
-}
-
-void check_hertz(Effort effort, TissueFindings& findings) {
-  constexpr double depth = 25e-6;
-  TissueSeries series{"Hertz: force on a rigid sphere", 1, {}, {}};
-  HertzResult result;
-  const double exact = hertz_force(depth, hertz_radius, hertz_young, hertz_poisson);
-  for (const int cells : effort == Effort::quick ? std::vector{16, 24} : std::vector{24, 34, 48}) {
-    result = hertz_by_bodies(depth, cells);
-    series.size.push_back(result.element);
-    series.error.push_back(std::abs(result.force / exact - 1));
-  }
-  findings.series.push_back(series);
-  findings.check("Hertz: force on a rigid sphere, finest mesh [N]", exact, result.force,
-                 effort == Effort::quick ? 0.25 : 0.05, "Hertz 1882");
-  const double shallow = hertz_by_bodies(0.5 * depth, 20).force, deeper = hertz_by_bodies(depth, 20).force;
-  findings.check("Hertz: exponent of the depth", 1.5, std::log2(deeper / shallow), 0.01, "Hertz 1882");
 }
 
 }  // namespace hapticd

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "tests/support/bodies.h"
+#include "tests/support/rubbing_worlds.h"
 
 namespace hapticd {
 namespace {
@@ -139,19 +139,8 @@ struct Stack {
   std::unique_ptr<World> world;
   CondensedProblem problem;
 
-  // A floating block on one that is held, both soft.
-  explicit Stack(double mu, bool gravity = true, bool contacts = true, double apart = 1e-5) {
-    WorldSettings s = contact_world({});
-    if (contacts) s.body_contact.pairs = {{0, 1, mu}};
-    if (gravity) s.gravity = Vec3(0, 0, -g);
-    s.removal[0] = {400, 2e-4, 0, 0};
-    BodySettings lower = block("lower", Vec3(0.012, 0.012, 6e-3), {4, 4, 3}, {10e3, 0.4, 1000, 0, 2e-3});
-    lower.fixed_nodes = lower.mesh.group("bottom")->nodes;
-    lower.removable = true;
-    const BodySettings upper = block("upper", Vec3(8e-3, 8e-3, 4e-3), {4, 4, 3}, {5e3, 0.4, 1000, 0, 2e-3},
-                                     {Vec3(2e-3, 2e-3, 6e-3 + apart), Quat::Identity()});
-    world = std::make_unique<World>(std::vector<BodySettings>{upper, lower}, ball(2e-3), s);
-  }
+  explicit Stack(double mu, bool gravity = true, bool contacts = true, double apart = 1e-5)
+      : world(block_on_block({mu, gravity, contacts, apart})) {}
   StepReport step(const InstrumentSample& sample) {
     return world->step([&] { return sample; }, problem);
   }
