@@ -13,7 +13,8 @@ namespace {
 constexpr double apart = 10e-3, reaches = 5e-3;     // device frame: 3 mm of it above the cube [m]
 constexpr double comes_at = 0.02, comes_in = 0.15;  // the other, before the first press begins [s]
 constexpr double pushed = 0.75e-3;                  // [m]
-constexpr double pushes_a_second = 10, dies_after = 0.05;
+constexpr double push_time = 0.075, dies_after = 0.05;  // [s]
+constexpr int pushes_a_hold = 2;  // what they leave is gone when swings are looked at, in a hold's second half
 constexpr double least_scale = 1e-6;
 constexpr double half_held = 3e-3;  // of a nearly free body: nodes so near to its axis are held [m]
 constexpr double tissue_scale = 4;  // about 100 N/m displayed, as of mode `delay`
@@ -69,12 +70,13 @@ struct Hands {
     told.grip = grip;
     if (other == Other::dies) told.silent_from = second + dies_after;
     const bool pushes = other == Other::pushes;
+    const double pushing = pushes_a_hold * push_time;
     told.at = [=, start = s.press.start](double t) -> Vec3 {
       const double u = std::clamp((t - comes_at) / comes_in, 0.0, 1.0);
       double depth = u * u * u * (10 - 15 * u + 6 * u * u) * reaches;
       for (const double from : {first, second})
-        if (pushes && t > from && t < from + half)
-          depth += pushed * std::pow(std::sin(std::numbers::pi * pushes_a_second * (t - from)), 2);
+        if (pushes && t > from && t < from + pushing)
+          depth += pushed * std::pow(std::sin(std::numbers::pi * (t - from) / push_time), 2);
       return start - depth * Vec3::UnitZ();
     };
     TwoHandRenderer renderer(with, hand, told);
