@@ -11,7 +11,7 @@ from plot_style import ACCENT, GREY, INK, plt, run
 
 SOLVERS = {
     "ours": ("this project's, to its tolerance", dict(color=ACCENT, marker="o")),
-    "sap": ("convex Newton (SAP), R of 2e-7", dict(color=INK, marker="s")),
+    "sap": ("convex Newton (SAP), R of 5e-7", dict(color=INK, marker="s")),
     "sap_soft": ("convex Newton (SAP), R of 1/(4π²)", dict(color="#7a9a01", marker="D")),
     "pgs": ("projected Gauss-Seidel", dict(color=GREY, marker="X")),
 }
@@ -60,7 +60,7 @@ def residuals(axes, points, friction):
 def pushes(axes, points):
     names = list(dict.fromkeys(p["scene"] for p in points))
     for i, name in enumerate(names):
-        own = [p for p in points if p["scene"] == name and p["peak_mn"] > 0]
+        own = [p for p in points if p["scene"] == name and p["holds"]]
         axes.plot([100 * max(p["rms_rel"], 1e-5) for p in own], [i] * len(own), ls="none", marker="o", ms=5,
                   color=INK, mfc="white")
         deeper = [p for p in own if p["direction"] == "deeper"]

@@ -67,14 +67,17 @@ void check_stack(Effort effort, TissueFindings& findings) {
       const std::vector<Vec3> start = stack.places();
       double drift = 0;
       int slept = 0;
-      for (int i = 0; i < seconds / h; ++i) {
+      for (int i = 0; i < seconds / h && drift < Stack::edge; ++i) {
         slept += stack.step().awake_bodies == 0;
         const std::vector<Vec3> x = stack.places();
         for (std::size_t k = 0; k < x.size(); ++k) drift = std::max(drift, (x[k] - start[k]).norm());
       }
       std::string name = "stack of three blocks, " + cells_of(n) + ", ";
       name += as.both_ways ? "pairs both ways" : "pairs one way";
-      name += as.kept_awake ? ", kept awake" : slept > 0 ? ", falls asleep" : ", does not fall asleep";
+      name += drift >= Stack::edge ? ", falls apart"
+              : as.kept_awake      ? ", kept awake"
+              : slept > 0          ? ", falls asleep"
+                                   : ", does not fall asleep";
       name += ": drift in " + std::to_string(static_cast<int>(seconds)) + " s [um]";
       findings.check(name, 0, 1e6 * drift, 1, "statics");
     }

@@ -1,13 +1,13 @@
 // Solvers of the joint contact problem, on problems taken from the steps of stirred scenes (joint_problem.h).
 //
 //   ours        as the step: lcp.h without friction, coulomb.h to 1e-10 with it; no deadline
-//   sap         sap_baseline.h with R of 2e-7 of a touch's compliance
+//   sap         sap_baseline.h with R of 5e-7 of a touch's compliance
 //   sap_soft    … of 1/(4π²), Drake's near-rigid regime
 //   pgs         projected Gauss-Seidel (pgs_baseline.h), to half of what a step asks
 //
 // Each stands where the step has its solver: it is given the touches that free motion closes, then those that
 // its answer closes by a nanometre, until there are none (body_contact_solve.cpp). All start from λ = 0; a
-// problem is solved three times, and the least time counts. Baselines have `budget_us` and say what they have
+// problem is solved three times where that is quick, and the least time counts. Baselines have `budget_us` and say what they have
 // by then. The residual is the natural map of W, q and λ of all touches, without any compliance added.
 // failures: residuals above 1e-6, what a step asks; unfinished: answers that the solver does not call solved.
 // With friction a convex solver solves another law (sap_baseline.h): it finishes and fails.

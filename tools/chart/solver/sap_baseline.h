@@ -22,7 +22,7 @@ namespace hapticd {
 
 struct SapOptions {
   double relative_diagonal = 1e-6;
-  double tolerance = 1e-9;  // on ‖λ' − γ‖, in the norm of W, to ‖γ‖ or ‖λ'‖
+  double tolerance = 1e-7;  // on ‖λ' − γ‖, in the norm of W, to ‖γ‖ or ‖λ'‖
   int max_newton = 200;
   Deadline deadline;
 };

@@ -32,6 +32,7 @@ TEST(SapBaseline, WithoutFrictionItIsTheLcpOfTheSameDiagonal) {
     const Drawn d = draw(20, seed);
     SapOptions options;
     options.relative_diagonal = 1e-3;
+    options.tolerance = 1e-10;
     VecX sap = VecX::Zero(20), lcp = sap;
     ASSERT_TRUE(solve_sap(d.W, d.q, {}, sap, options).solved) << seed;
     std::vector<std::uint8_t> active(20, 0);
@@ -49,6 +50,7 @@ TEST(SapBaseline, ItsAnswerIsTheProjectionOfItsOwnGaps) {
     VecX lambda = VecX::Zero(30);
     SapOptions options;
     options.relative_diagonal = 1e-3;
+    options.tolerance = 1e-10;
     const SapResult r = solve_sap(d.W, d.q, mu, lambda, options);
     ASSERT_TRUE(r.solved) << seed;
     const VecX delta = d.W * lambda + d.q;
