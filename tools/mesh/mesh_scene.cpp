@@ -83,9 +83,11 @@ void write_blade(YAML::Emitter& out, const SceneDefaults& d) {
   using namespace YAML;
   const auto key = [&](const char* text) -> Emitter& { return out << Key << text << Value; };
   const double near = -2 * d.mean_edge, far = near - d.blade, half = 0.03 * d.mean_edge;
-  std::vector<std::vector<double>> corners;
-  for (const double z : {0.0, d.blade})
-    for (const double x : {far, near})
+  // Ground to nothing in front and below, over an edge: a blunt front would push what a cut leaves beside the
+  // blade's way.
+  std::vector<std::vector<double>> corners = {{near, 0, 0}, {near, 0, d.blade}, {far, 0, 0}};
+  for (const double z : {std::min(d.mean_edge, 0.5 * d.blade), d.blade})
+    for (const double x : {far, near - d.mean_edge})
       for (const double y : {-half, half}) corners.push_back({x, y, z});
   key("tip") << "sheet";
   key("primitives") << Comment("behind the edge: both of its sides touch tissue") << BeginSeq << BeginMap;
