@@ -1,10 +1,71 @@
 #include "physics/compliance/patch_inverse.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace hapticd {
+namespace {
+
+constexpr std::size_t large = 200;  // nodes: more than an instrument's patch has
+
+// The places that are coupled, by the lowest of them.
+void find_components(const PatchInverse::Corner& L, std::vector<int>& of) {
+  const int count = static_cast<int>(L.rows() / 3);
+  of.resize(count);
+  std::iota(of.begin(), of.end(), 0);
+  const auto root = [&](int i) {
+    while (of[i] != i) i = of[i] = of[of[i]];
+    return i;
+  };
+  for (int j = 0; j < count; ++j)
+    for (int i = j + 1; i < count; ++i) {
+      const int a = root(j), b = root(i);
+      if (a != b && !L.block<3, 3>(3 * i, 3 * j).isZero(0)) of[std::max(a, b)] = std::min(a, b);
+    }
+  for (int i = 0; i < count; ++i) of[i] = root(i);
+}
+
+}  // namespace
 
 void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
+  if (places.size() <= large) return invert(L, places, block);
+  std::vector<int> component;  // per place
+  find_components(L, component);
+  if (std::all_of(component.begin(), component.end(), [](int c) { return c == 0; }))
+    return invert(L, places, block);
+  block.setZero();
+  MatX own_L, own_block;
+  std::vector<int> rows, at(component.size()), nodes, own_places;
+  for (int c = 0; c < static_cast<int>(component.size()); ++c) {
+    if (component[c] != c) continue;
+    rows.clear();
+    for (int i = c; i < static_cast<int>(component.size()); ++i)
+      if (component[i] == c) {
+        at[i] = static_cast<int>(rows.size());
+        rows.push_back(i);
+      }
+    nodes.clear();
+    own_places.clear();
+    for (int k = 0; k < static_cast<int>(places.size()); ++k)
+      if (places[k] >= 0 && component[places[k]] == c) {
+        nodes.push_back(k);
+        own_places.push_back(at[places[k]]);
+      }
+    if (nodes.empty()) continue;
+    const auto size = static_cast<Eigen::Index>(rows.size()), own = static_cast<Eigen::Index>(nodes.size());
+    own_L.resize(3 * size, 3 * size);
+    for (Eigen::Index j = 0; j < size; ++j)
+      for (Eigen::Index i = j; i < size; ++i)
+        own_L.block<3, 3>(3 * i, 3 * j) = L.block<3, 3>(3 * rows[i], 3 * rows[j]);
+    own_block.resize(3 * own, 3 * own);
+    invert(own_L, own_places, own_block);
+    for (Eigen::Index j = 0; j < own; ++j)
+      for (Eigen::Index i = 0; i < own; ++i)
+        block.block<3, 3>(3 * nodes[i], 3 * nodes[j]) = own_block.block<3, 3>(3 * i, 3 * j);
+  }
+}
+
+void PatchInverse::invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
   constexpr int panel = 16;  // nodes
   sorted_.clear();
   for (int k = 0; k < static_cast<int>(places.size()); ++k)

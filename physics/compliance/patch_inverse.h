@@ -4,9 +4,10 @@
 //
 // A column of X is zero above its own place, so nodes are taken in the order of their places, in panels, and
 // each panel works on the rows from its first place on: a patch at the corner's end costs p³, whatever
-// the zone's size.
+// the zone's size. A large patch of several connected pieces is taken piece by piece: between them L is zero.
 // Shapes: L 3·zone square, lower triangular; places per patch node, -1 gives zero rows and columns; block
-// 3·patch square. Units: L Lᵀ [N/m], block [m/N]. No allocation once the sizes were seen.
+// 3·patch square. Units: L Lᵀ [N/m], block [m/N]. No allocation once the sizes were seen, but
+// for such large patches.
 #pragma once
 
 #include <span>
@@ -22,6 +23,8 @@ class PatchInverse {
   void operator()(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block);
 
  private:
+  void invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block);
+
   std::vector<int> sorted_;  // indices into places, by place
   MatX X_;
   MatX C_;  // in sorted order

@@ -2,42 +2,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
-#include <limits>
 
 namespace hapticd {
 namespace {
 
-constexpr double reference_margin = 0.05;  // of the nodes' mean edge: what bodies at rest may move in a step
-constexpr double ahead = 1.2;              // steps of present speed that a node is watched for
-constexpr double same_place = 1e-3;        // of the edge: nearer than that to an edge, its pseudo-normal
-constexpr double missed = 1e-6;            // overlap that makes a node join [m]
-constexpr double behind = 0.02;       // of the edge: a face that a node is farther behind is closed to it
-constexpr double through = 0.1;       // of the edge: … and from so far behind it never was before it
+constexpr double same_place = 1e-3;   // of the edge: nearer than that to an edge, its pseudo-normal
+constexpr double ways_ahead = 3;      // of the last round, that a candidate is looked at for
 constexpr double same_contact = 0.9;  // cosine of normals that may hand λ on
 
-bool moves(const Body& body) { return body.deformable && !body.asleep; }
+}  // namespace
 
-double fastest(const Body& body) {
-  double square = 0;
-  if (moves(body))
-    for (const Vec3& v : body.state.v) square = std::max(square, v.squaredNorm());
-  return std::sqrt(square);
-}
+bool BodyContacts::moves(const Body& body) { return body.deformable && !body.asleep; }
 
-double depth_of(const Bodies& bodies, const ContactPair& p) {
+double BodyContacts::depth_of(const Bodies& bodies, const ContactPair& p) {
   return std::min(bodies[p.points].edge, bodies[p.faces].edge);
 }
-
-// Of the node before the face's plane when the step began [m].
-double height_at_start(const Bodies& bodies, const ContactPair& p, int node, int face) {
-  const auto& y = bodies[p.faces].state.x;
-  const Triangle& t = bodies[p.faces].surface.faces()[face].nodes;
-  const Vec3 normal = (y[t[1]] - y[t[0]]).cross(y[t[2]] - y[t[0]]).stableNormalized();
-  return normal.dot(bodies[p.points].state.x[node] - y[t[0]]);
-}
-
-}  // namespace
 
 BodyContacts::BodyContacts(BodyContactSettings settings, double h)
     : settings_(std::move(settings)), h_(h), finder_(settings_.pairs) {
@@ -47,86 +26,6 @@ BodyContacts::BodyContacts(BodyContactSettings settings, double h)
   rows_per_contact_ = frictionless ? 1 : 3;
   lcp_ = std::make_unique<LcpWorkspace>();
   coulomb_ = std::make_unique<CoulombWorkspace>();
-}
-
-void BodyContacts::find(const Bodies& bodies) {
-  report_ = {};
-  candidates_.clear();
-  if (empty()) return;
-  solved_.clear();
-  finder_.follow(bodies);
-  const auto present = [&](int b) { return std::span<const Vec3>(bodies[b].state.x); };
-  for (int k = 0; k < static_cast<int>(pairs().size()); ++k) {
-    const ContactPair& p = pairs()[k];
-    const Body &own = bodies[p.points], &theirs = bodies[p.faces];
-    if (!moves(own) && !moves(theirs)) continue;
-    const double depth = depth_of(bodies, p), least = reference_margin * depth, speed = fastest(theirs);
-    const auto margin = [&](int, int n) {
-      const double v = speed + (moves(own) ? own.state.v[n].norm() : 0);
-      return std::min(depth, least + ahead * h_ * v);
-    };
-    finder_.find(bodies, k, present, margin, depth, 0, least, candidates_);
-  }
-  drop_ghosts(bodies, candidates_);
-  const auto capacity = static_cast<std::size_t>(max_body_contacts);
-  if (candidates_.size() > capacity) {
-    // Those that touched stay; then the nearest. What this leaves out joins when it turns out to matter.
-    const auto touched = [&](const BodyContactCandidate& e) {
-      return std::any_of(memory_.begin(), memory_.end(), [&](const Remembered& m) {
-        return m.pair == e.pair && m.node == e.node && !m.lambda.isZero(0);
-      });
-    };
-    std::vector<std::pair<std::pair<bool, double>, std::size_t>> order;
-    for (std::size_t i = 0; i < candidates_.size(); ++i)
-      order.push_back({{!touched(candidates_[i]), candidates_[i].gap}, i});
-    std::sort(order.begin(), order.end());
-    order.resize(capacity);
-    std::sort(order.begin(), order.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-    std::vector<BodyContactCandidate> kept;
-    for (const auto& [key, i] : order) kept.push_back(std::move(candidates_[i]));
-    candidates_ = std::move(kept);
-  }
-  index_contact_nodes(bodies);
-}
-
-// The far side of what is thin: a node far behind a face that did not hold it never was before it.
-void BodyContacts::drop_ghosts(const Bodies& bodies, std::vector<BodyContactCandidate>& found) const {
-  if (first_) return;
-  for (BodyContactCandidate& e : found) {
-    const ContactPair& p = pairs()[e.pair];
-    const double far = -through * depth_of(bodies, p);
-    std::erase_if(e.faces, [&](int f) {
-      return height_at_start(bodies, p, e.node, f) < far &&
-             std::none_of(memory_.begin(), memory_.end(), [&](const Remembered& m) {
-               return m.pair == e.pair && m.node == e.node && m.face == bodies[p.faces].surface.faces()[f].id;
-             });
-    });
-  }
-  std::erase_if(found, [](const BodyContactCandidate& e) { return e.faces.empty(); });
-}
-
-bool BodyContacts::touching(int a, int b) const {
-  return std::any_of(candidates_.begin(), candidates_.end(), [&](const BodyContactCandidate& e) {
-    const ContactPair& p = pairs()[e.pair];
-    return (p.points == a && p.faces == b) || (p.points == b && p.faces == a);
-  });
-}
-
-void BodyContacts::index_contact_nodes(const Bodies& bodies) {
-  contact_nodes_.resize(bodies.size());
-  for (auto& nodes : contact_nodes_) nodes.clear();
-  for (const BodyContactCandidate& e : candidates_) {
-    const ContactPair& p = pairs()[e.pair];
-    if (bodies[p.points].deformable) contact_nodes_[p.points].push_back(e.node);
-    if (bodies[p.faces].deformable)
-      for (const int f : e.faces)
-        for (const int n : bodies[p.faces].surface.faces()[f].nodes) contact_nodes_[p.faces].push_back(n);
-  }
-  for (auto& nodes : contact_nodes_) {
-    std::sort(nodes.begin(), nodes.end());
-    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-  }
-  report_.nodes = static_cast<int>(candidates_.size());
 }
 
 void BodyContacts::set_domains(const Bodies& bodies, std::span<const PatchNode> patch) {
@@ -177,45 +76,67 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
     }
     d.linear = d.start;
   }
+  travelled_ = last_way_ = 0;
+  for (BodyContactCandidate& e : candidates_) e.looked_at = 0;
   open_faces(bodies);
   rows_.clear();
   solved_.clear();
   linearise(bodies);
   // At the start of the step: overlap of each node, from which its recovery is measured.
-  for (BodyContactCandidate& e : candidates_) {
-    e.gap = 0;
-    for (const BodyContact& c : rows_)
-      if (c.pair == e.pair && c.node == e.node) e.gap = std::min(e.gap, c.gap);
+  for (BodyContactCandidate& e : candidates_) e.gap = 0;
+  for (const BodyContact& c : rows_) {
+    BodyContactCandidate& e = candidates_[c.candidate];
+    e.gap = std::min(e.gap, c.gap);
   }
-  for (BodyContact& c : rows_)
-    for (const BodyContactCandidate& e : candidates_)
-      if (c.pair == e.pair && c.node == e.node) {
-        const double allowed = std::min(0.0, e.gap + settings_.recovery_speed * h_);
-        c.delta_free[0] += c.allowed - allowed;
-        c.allowed = allowed;
-      }
-}
-
-void BodyContacts::open_faces(const Bodies& bodies) {
-  for (BodyContactCandidate& e : candidates_) {
-    const ContactPair& p = pairs()[e.pair];
-    e.open.clear();
-    for (const int f : e.faces)
-      if (height_at_start(bodies, p, e.node, f) > -behind * depth_of(bodies, p)) e.open.push_back(f);
-    if (e.open.empty()) e.open = e.faces;
+  for (BodyContact& c : rows_) {
+    const double allowed = std::min(0.0, candidates_[c.candidate].gap + settings_.recovery_speed * h_);
+    c.delta_free[0] += c.allowed - allowed;
+    c.allowed = allowed;
   }
 }
 
 void BodyContacts::start_from(int body, std::span<const Vec3> x) {
   Domain& d = domains_[body];
-  for (std::size_t k = 0; k < d.nodes.size(); ++k) d.linear[k] = x[d.nodes[k]];
+  std::vector<Vec3> to;
+  for (const int n : d.nodes) to.push_back(x[n]);
+  travel(d, to);
 }
 
-// One for each touch at the linearisation point.
-void BodyContacts::find_rows(const Bodies& bodies, std::vector<BodyContact>& rows) const {
+void BodyContacts::travel(Domain& d, std::span<const Vec3> x) {
+  double square = 0;
+  for (std::size_t k = 0; k < d.nodes.size(); ++k) {
+    square = std::max(square, (x[k] - d.linear[k]).squaredNorm());
+    d.linear[k] = x[k];
+  }
+  // Both sides of a gap may move by as much.
+  last_way_ = std::max(last_way_, 2 * std::sqrt(square));
+}
+
+std::span<const BodyContacts::Remembered> BodyContacts::remembered(int pair, int node) const {
+  struct Key {
+    int pair, node;
+  };
+  struct Order {
+    bool operator()(const Remembered& m, const Key& k) const {
+      return m.pair != k.pair ? m.pair < k.pair : m.node < k.node;
+    }
+    bool operator()(const Key& k, const Remembered& m) const {
+      return m.pair != k.pair ? k.pair < m.pair : k.node < m.node;
+    }
+  };
+  const auto [first, last] = std::equal_range(memory_.begin(), memory_.end(), Key{pair, node}, Order{});
+  return {first, last};
+}
+
+// One for each touch at the linearisation point; of candidates too far apart to overlap before the bodies
+// have travelled another `ahead` of their last way, none.
+void BodyContacts::find_rows(const Bodies& bodies, double ahead, std::vector<BodyContact>& rows) {
+  travelled_ += last_way_;
+  const double horizon = travelled_ + ahead * last_way_;
   std::vector<ContactFace> views;
   std::array<VertexFaceContact, max_vertex_face_contacts> touch;
-  for (const BodyContactCandidate& e : candidates_) {
+  for (BodyContactCandidate& e : candidates_) {
+    if (horizon < e.looked_at) continue;
     const ContactPair& p = pairs()[e.pair];
     const auto& faces = bodies[p.faces].surface.faces();
     views.clear();
@@ -227,15 +148,21 @@ void BodyContacts::find_rows(const Bodies& bodies, std::vector<BodyContact>& row
     const Vec3& x = position(bodies, p.points, e.node, &Domain::linear);
     const double edge = depth_of(bodies, p);
     int held = -1;
-    for (std::size_t k = 0; k < e.open.size(); ++k)
-      for (const Remembered& m : memory_)
-        if (m.pair == e.pair && m.node == e.node && m.face == faces[e.open[k]].id) held = static_cast<int>(k);
+    const auto known = remembered(e.pair, e.node);
+    for (std::size_t k = 0; !known.empty() && k < e.open.size(); ++k)
+      for (const Remembered& m : known)
+        if (m.face == faces[e.open[k]].id) held = static_cast<int>(k);
     const int count = find_vertex_face_contacts(x, views, same_place * edge, held, touch);
+    e.looked_at = travelled_;
+    if (count > 0) e.looked_at += std::max(0.0, touch[0].gap);
+    for (int k = 1; k < count; ++k)
+      e.looked_at = std::min(e.looked_at, travelled_ + std::max(0.0, touch[k].gap));
     for (int k = 0; k < count; ++k) {
       const VertexFaceContact& t = touch[k];
       if (k > 0 && t.gap > std::max(e.margin, reference_margin * edge)) continue;
       const SurfaceFace& face = faces[e.open[t.face]];
       BodyContact c;
+      c.candidate = static_cast<int>(&e - candidates_.data());
       c.pair = e.pair;
       c.node = e.node;
       c.face = face.id;
@@ -259,11 +186,12 @@ void BodyContacts::find_rows(const Bodies& bodies, std::vector<BodyContact>& row
       rows.push_back(c);
     }
   }
+  last_way_ = 0;
 }
 
 double BodyContacts::linearise(const Bodies& bodies) {
   rows_.clear();
-  find_rows(bodies, rows_);
+  find_rows(bodies, ways_ahead, rows_);
   warm_start(rows_);
   choose(rows_);
   double off = 0;
@@ -277,7 +205,7 @@ double BodyContacts::linearise(const Bodies& bodies) {
 
 double BodyContacts::add_violated(const Bodies& bodies, double tolerance) {
   std::vector<BodyContact> found;
-  find_rows(bodies, found);
+  find_rows(bodies, 0, found);
   rows_ = solved_;
   double deepest = 0;
   report_.penetration = 0;
@@ -293,19 +221,18 @@ double BodyContacts::add_violated(const Bodies& bodies, double tolerance) {
 void BodyContacts::warm_start(std::vector<BodyContact>& rows) const {
   std::vector<std::uint8_t> taken(memory_.size(), 0);
   const auto take = [&](BodyContact& c, bool same_face) {
-    int best = -1;
+    const Remembered* best = nullptr;
     double nearest = same_contact;
-    for (std::size_t i = 0; i < memory_.size(); ++i) {
-      const Remembered& m = memory_[i];
-      if (taken[i] || m.pair != c.pair || m.node != c.node || (same_face && m.face != c.face)) continue;
+    for (const Remembered& m : remembered(c.pair, c.node)) {
+      if (taken[&m - memory_.data()] || (same_face && m.face != c.face)) continue;
       const double cosine = m.normal.dot(c.frame.col(0));
       if (!(cosine > nearest)) continue;
       nearest = cosine;
-      best = static_cast<int>(i);
+      best = &m;
     }
-    if (best < 0) return;
-    taken[best] = 1;
-    c.lambda = c.frame.transpose() * memory_[best].lambda;
+    if (!best) return;
+    taken[best - memory_.data()] = 1;
+    c.lambda = c.frame.transpose() * best->lambda;
   };
   for (BodyContact& c : rows) take(c, true);
   for (BodyContact& c : rows)
@@ -335,61 +262,9 @@ void BodyContacts::remember() {
   memory_.clear();
   for (const BodyContact& c : solved_)
     if (c.lambda[0] > 0) memory_.push_back({c.pair, c.node, c.face, c.frame.col(0), c.frame * c.lambda});
-}
-
-int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
-  std::vector<BodyContactCandidate> found;
-  for (int k = 0; k < static_cast<int>(pairs().size()); ++k) {
-    const ContactPair& p = pairs()[k];
-    if (!moves(bodies[p.points]) && !moves(bodies[p.faces])) continue;
-    double moved = 0;
-    for (const int b : {p.points, p.faces}) {
-      double square = 0;
-      for (std::size_t n = 0; n < x_end(b).size(); ++n)
-        square = std::max(square, (x_end(b)[n] - bodies[b].state.x[n]).squaredNorm());
-      moved += std::sqrt(square);
-    }
-    const double depth = depth_of(bodies, p);
-    const auto margin = [](int, int) { return -missed; };
-    finder_.find(bodies, k, x_end, margin, depth, moved, reference_margin * depth, found);
-  }
-  drop_ghosts(bodies, found);
-  int joined = 0;
-  // A node that slid past the faces it was to meet: those it came to join.
-  std::erase_if(found, [&](BodyContactCandidate& e) {
-    const auto known = std::find_if(
-        candidates_.begin(), candidates_.end(),
-        [&](const BodyContactCandidate& other) { return other.pair == e.pair && other.node == e.node; });
-    if (known == candidates_.end()) return false;
-    std::vector<int> both;
-    std::set_union(known->faces.begin(), known->faces.end(), e.faces.begin(), e.faces.end(),
-                   std::back_inserter(both));
-    joined += both.size() > known->faces.size();
-    known->faces = std::move(both);
-    return true;
+  std::stable_sort(memory_.begin(), memory_.end(), [](const Remembered& a, const Remembered& b) {
+    return a.pair != b.pair ? a.pair < b.pair : a.node < b.node;
   });
-  if (found.empty() && joined == 0) return 0;
-  const auto capacity = static_cast<std::size_t>(max_body_contacts);
-  if (candidates_.size() + found.size() > capacity)
-    std::erase_if(candidates_, [&](const BodyContactCandidate& e) {
-      return std::none_of(solved_.begin(), solved_.end(), [&](const BodyContact& c) {
-        return c.pair == e.pair && c.node == e.node && c.lambda[0] > 0;
-      });
-    });
-  std::sort(found.begin(), found.end(),
-            [](const BodyContactCandidate& a, const BodyContactCandidate& b) { return a.gap < b.gap; });
-  const std::size_t room = capacity - std::min(capacity, candidates_.size());
-  if (found.size() > room) found.resize(room);
-  for (BodyContactCandidate& e : found) {
-    e.margin = reference_margin * depth_of(bodies, pairs()[e.pair]);
-    candidates_.push_back(std::move(e));
-  }
-  joined += static_cast<int>(found.size());
-  if (joined == 0) return 0;
-  const BodyContactReport before = report_;
-  index_contact_nodes(bodies);
-  report_.joined = before.joined + joined;
-  return joined;
 }
 
 }  // namespace hapticd

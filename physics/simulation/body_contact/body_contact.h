@@ -44,6 +44,7 @@ struct ContactStencil {
 
 // One touch of a node with a face, as the last linearisation saw it.
 struct BodyContact {
+  int candidate;  // in the order of this attempt's
   int pair;
   int node;
   int face;                               // id of the surface face, for good
@@ -141,6 +142,10 @@ class BodyContacts {
   BodyContactReport& report() { return report_; }
 
  private:
+  static constexpr double closed_gap = 1e-9;        // overlap that makes a contact part of the solve [m]
+  static constexpr double missed = 1e-6;            // overlap that makes a node join [m]
+  static constexpr double reference_margin = 0.05;  // of `depth_of`: what bodies at rest may move in a step
+
   struct Domain {
     bool mobile = false;
     std::vector<int> nodes;  // patch's first
@@ -151,6 +156,7 @@ class BodyContacts {
   };
   struct ToolRow {
     std::array<ContactStencil, 4> stencil;
+    Mat3 frame;
     bool works = false;  // solved; the others are open
   };
   struct Remembered {
@@ -158,26 +164,36 @@ class BodyContacts {
     Vec3 normal, lambda;  // world
   };
 
+  static bool moves(const Body& body);
+  static double depth_of(const Bodies& bodies, const ContactPair& p);  // their smaller mean edge [m]
   void open_faces(const Bodies& bodies);
-  void drop_ghosts(const Bodies& bodies, std::vector<BodyContactCandidate>& found) const;
+  void drop_ghosts(const Bodies& bodies, bool all, std::vector<BodyContactCandidate>& found) const;
   void index_contact_nodes(const Bodies& bodies);
   const Vec3& position(const Bodies& bodies, int body, int node, std::vector<Vec3> Domain::*at) const;
   Vec3 relative(const Bodies& bodies, const BodyContact& c, std::vector<Vec3> Domain::*at) const;
-  Mat3 between(std::span<const ContactStencil> a, std::span<const ContactStencil> b) const;
-  void find_rows(const Bodies& bodies, std::vector<BodyContact>& rows) const;
+  void find_rows(const Bodies& bodies, double ahead, std::vector<BodyContact>& rows);
+  std::span<const Remembered> remembered(int pair, int node) const;
   void choose(std::vector<BodyContact>& rows);
   void warm_start(std::vector<BodyContact>& rows) const;
   void choose_working();
   bool grow_working();
-  void assemble();
+  void assemble(std::span<const ToolRow> tool);
+  template <int m>
+  void assemble_rows(std::span<const ToolRow> tool, int known);
+  bool solve_eliminating(const ContactRows& tool, std::span<const int> working, VecX& tool_lambda,
+                         VecX& lambda);
+  void solve_as_one(const ContactRows& tool, std::span<const int> working, VecX& tool_lambda, VecX& lambda);
   VecX solve_working_with(const CondensedProblem& patch, const ContactRows& tool,
                           std::span<const ToolRow> rows, std::span<const int> working, VecX& tool_lambda);
+  static CoulombOptions options_of_coulomb();
   void solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, std::span<const double> limit,
                   VecX& lambda, int rows_per_contact);
   void take(const VecX& lambda, int rows_per_contact);
   void set_tool(const VecX& tool_force);
   static VecX displacement(const Domain& d);
+  void find_moved();
   void move();
+  void travel(Domain& d, std::span<const Vec3> x);
   void remember();
 
   BodyContactSettings settings_;
@@ -191,12 +207,16 @@ class BodyContacts {
   std::vector<BodyContact> rows_;  // linearised, to be solved
   std::vector<BodyContact> solved_;
   std::vector<BodyContact> applied_;
-  std::vector<Remembered> memory_;
-  bool first_ = true;  // nothing was ever solved
+  std::vector<Remembered> memory_;  // by pair, then node
+  double travelled_ = 0;            // of the linearisation points since the solve began: no node more [m]
+  double last_way_ = 0;             // … and between the last two
+  bool first_ = true;               // nothing was ever solved
   int rows_per_contact_ = 3;
   std::vector<int> working_;  // contacts of solved_ that W_ holds; the others are open
   std::vector<int> works_;    // their places there, −1: not
   MatX W_;
+  MatX W_tool_;              // the instrument's rows against the bodies': 3 each
+  std::vector<VecX> moved_;  // C f of the forces last solved for, per domain [m]
   std::unique_ptr<LcpWorkspace> lcp_;
   std::unique_ptr<CoulombWorkspace> coulomb_;
   BodyContactReport report_;

@@ -11,6 +11,8 @@ namespace hapticd {
 namespace {
 
 constexpr double looks_the_same_way = 0.2;  // n_face · n_node
+constexpr double against = 1e-3;            // cosine of normals that look against one another
+constexpr double resting = 2e-6;            // a face that a node lay on is overlapped by no more [m]
 
 using Box = Eigen::AlignedBox3d;
 
@@ -49,6 +51,48 @@ struct Grid {
       for (int j = a[1]; j <= b[1]; ++j)
         for (int i = a[0]; i <= b[0]; ++i) visit(i + size[0] * (j + size[1] * k));
   }
+};
+
+// Of one piece, where it is and how far any node of it is from where the step began.
+struct PieceExtent {
+  Box box;
+  double moved = 0;
+};
+
+std::vector<PieceExtent> extents(const SurfaceNormals& surface, std::span<const Vec3> x,
+                                 std::span<const Vec3> start) {
+  std::vector<PieceExtent> out;
+  for (const int n : surface.nodes) {
+    const auto piece = static_cast<std::size_t>(surface.piece_of_node[n]);
+    if (piece >= out.size()) out.resize(piece + 1);
+    out[piece].box.extend(x[n]);
+    out[piece].moved = std::max(out[piece].moved, (x[n] - start[n]).norm());
+  }
+  return out;
+}
+
+// The surface's faces, by node.
+class FacesAtNodes {
+ public:
+  explicit FacesAtNodes(const Body& body) : start_(body.state.x.size() + 1, 0) {
+    const auto& faces = body.surface.faces();
+    for (const SurfaceFace& f : faces)
+      for (const int n : f.nodes) ++start_[n + 1];
+    for (std::size_t n = 1; n < start_.size(); ++n) start_[n] += start_[n - 1];
+    face_.resize(start_.back());
+    std::vector<int> fill(start_.begin(), start_.end() - 1);
+    for (std::size_t f = 0; f < faces.size(); ++f)
+      for (const int n : faces[f].nodes) face_[fill[n]++] = static_cast<int>(f);
+  }
+  // Some face at the node looks against this direction: its tissue is not all that there is behind the node.
+  bool any_against(const SurfaceNormals& surface, int node, const Vec3& direction) const {
+    for (int k = start_[node]; k < start_[node + 1]; ++k)
+      if (surface.face[face_[k]].dot(direction) < -against) return true;
+    return false;
+  }
+
+ private:
+  std::vector<int> start_, face_;
 };
 
 }  // namespace
@@ -104,16 +148,19 @@ void SurfaceNormals::follow(const Body& body) {
     }
   }
   for (const int n : nodes) node[n].stableNormalize();
+  edge.resize(faces.size());
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    for (int c = 0; c < 3; ++c) {
+      const int other = across[f][c];
+      edge[f][c] = other < 0 ? face[f] : (face[f] + face[other]).stableNormalized();
+    }
 }
 
 ContactFace SurfaceNormals::contact_face(const Body& body, int f, const std::array<Vec3, 3>& x) const {
   ContactFace out;
   out.x = x;
-  for (int c = 0; c < 3; ++c) {
-    const int other = across[f][c];
-    out.edge[c] = other < 0 ? face[f] : (face[f] + face[other]).stableNormalized();
-    out.corner[c] = node[body.surface.faces()[f].nodes[c]];
-  }
+  out.edge = edge[f];
+  for (int c = 0; c < 3; ++c) out.corner[c] = node[body.surface.faces()[f].nodes[c]];
   return out;
 }
 
@@ -149,7 +196,7 @@ void BodyContactCandidateFinder::follow(const Bodies& bodies) {
 }
 
 void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Positions& positions,
-                                      const Margin& margin, double depth, double moved, double slack,
+                                      const Margin& margin, double depth, double slack,
                                       std::vector<BodyContactCandidate>& out) {
   const ContactPair& p = pairs_[pair];
   const SurfaceNormals &own = normals_[p.points], &theirs = normals_[p.faces];
@@ -161,15 +208,32 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   if (p.points == p.faces && std::all_of(theirs.piece_of_face.begin(), theirs.piece_of_face.end(), in_one))
     return;
 
-  const double deepest = depth + moved;
-  double reach = deepest;
+  const std::vector<PieceExtent> own_pieces = extents(own, x, start);
+  const std::vector<PieceExtent> pieces = p.points == p.faces ? own_pieces : extents(theirs, y, other_start);
+  struct Asked {
+    int node;
+    double margin, radius;
+  };
+  std::vector<Asked> asked;
+  const bool at_start = x.data() == start.data() && y.data() == other_start.data();
+  double reach = depth;
   Box points;
-  std::vector<std::pair<int, double>> asked;
   for (const int n : own.nodes) {
     const double m = margin(pair, n);
     if (!std::isfinite(m)) continue;
-    asked.emplace_back(n, m);
-    reach = std::max(reach, m);
+    // When the step begins, what has sunk through a wall by up to `depth` is still held; at its end a node
+    // matters that is inside, or nearer than m.
+    double moved = -1;
+    const double own_way = own_pieces[own.piece_of_node[n]].moved;
+    for (int k = 0; k < static_cast<int>(pieces.size()); ++k) {
+      if (p.points == p.faces && k == own.piece_of_node[n]) continue;
+      const double near = std::max(m, at_start ? depth : 0);
+      if (pieces[k].box.squaredExteriorDistance(x[n]) <= near * near)
+        moved = std::max(moved, own_way + pieces[k].moved);
+    }
+    if (moved < 0) continue;
+    asked.push_back({n, m, std::max(m, depth + moved)});
+    reach = std::max(reach, asked.back().radius);
     points.extend(x[n]);
   }
   if (asked.empty()) return;
@@ -187,7 +251,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   }
   if (near.empty()) return;
   extent /= static_cast<double>(near.size());
-  const Grid grid(overlap, std::max(extent, reach));
+  const Grid grid(overlap, std::max(extent, depth));
 
   cell_start_.assign(grid.size.prod() + 1, 0);
   for (const Box& box : boxes) grid.cells_of(box, [&](int cell) { ++cell_start_[cell + 1]; });
@@ -198,17 +262,17 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
     grid.cells_of(boxes[k], [&](int cell) { cell_face_[fill[cell]++] = static_cast<int>(k); });
 
   struct Seen {
-    int face;
+    int face, piece;
     double distance;
     double gap;
+    bool from_front;  // the node was before it when the step began
   };
   std::vector<Seen> seen;
   std::vector<int> visited(near.size(), -1);
-  for (const auto& [node, m] : asked) {
+  const FacesAtNodes at_node(bodies[p.points]);
+  for (const auto& [node, m, radius] : asked) {
     seen.clear();
-    const double radius = std::max(m, deepest);
     const Box around(x[node] - Vec3::Constant(radius), x[node] + Vec3::Constant(radius));
-    double nearest = std::numeric_limits<double>::infinity(), gap = nearest;
     grid.cells_of(around, [&](int cell) {
       for (int i = cell_start_[cell]; i < cell_start_[cell + 1]; ++i) {
         const int k = cell_face_[i];
@@ -216,27 +280,41 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
         visited[k] = node;
         const int f = near[k];
         if (p.points == p.faces && theirs.piece_of_face[f] == own.piece_of_node[node]) continue;
-        if (theirs.face[f].dot(own.node[node]) > looks_the_same_way) continue;
-        if (theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]) < -depth) continue;
+        const double height = theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]);
+        if (height < -depth) continue;
+        const bool from_front = height >= -resting;
+        if (theirs.face[f].dot(own.node[node]) > looks_the_same_way &&
+            !(from_front && (pieces.size() > 1 || at_node.any_against(own, node, theirs.face[f]))))
+          continue;
         const std::array<Vec3, 3> c = corners(faces[f].nodes, y);
         const auto w = nearest_on_triangle(x[node], c);
         const double distance = (x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2])).norm();
         if (distance > radius) continue;
         const double side =
             theirs.feature(bodies[p.faces], f, w).dot(x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2]));
-        seen.push_back({f, distance, side < 0 ? -distance : distance});
-        if (distance < nearest) {
-          nearest = distance;
-          gap = seen.back().gap;
-        }
+        seen.push_back({f, theirs.piece_of_face[f], distance, side < 0 ? -distance : distance, from_front});
       }
     });
-    if (seen.empty() || !(gap < m)) continue;
-    BodyContactCandidate e{pair, node, m, gap, {}, {}};
-    for (const Seen& s : seen)
-      if (s.distance <= nearest + std::max(m, slack)) e.faces.push_back(s.face);
-    std::sort(e.faces.begin(), e.faces.end());
-    out.push_back(std::move(e));
+    // Each piece is an obstacle of its own: to be inside one is no matter of another that is nearer.
+    std::stable_sort(seen.begin(), seen.end(),
+                     [](const Seen& a, const Seen& b) { return a.piece < b.piece; });
+    for (auto first = seen.begin(); first != seen.end();) {
+      const int piece = first->piece;
+      const auto last = std::find_if(first, seen.end(), [&](const Seen& s) { return s.piece != piece; });
+      const std::span<const Seen> of_piece(first, last);
+      first = last;
+      const Seen& nearest =
+          *std::min_element(of_piece.begin(), of_piece.end(),
+                            [](const Seen& a, const Seen& b) { return a.distance < b.distance; });
+      if (!(nearest.gap < m)) continue;
+      BodyContactCandidate e{pair, node, piece, m, nearest.gap, {}, {}, nearest.face, {}};
+      // A node that is inside came through one of those that it was before, be others nearer now.
+      for (const Seen& s : of_piece)
+        if (s.distance <= nearest.distance + std::max(m, slack) || (nearest.gap < 0 && s.from_front))
+          e.faces.push_back(s.face);
+      std::sort(e.faces.begin(), e.faces.end());
+      out.push_back(std::move(e));
+    }
   }
 }
 

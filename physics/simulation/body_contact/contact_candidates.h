@@ -4,7 +4,7 @@
 // finer one first; name the pair both ways where neither is finer. A body paired with itself: nodes of each
 // of its connected pieces against faces of the others, from the step in which they come apart. Nodes are
 // fixed in the material, so a contact is found again from step to step by (pair, node), whatever faces it
-// slides over.
+// slides over. Each piece is an obstacle of its own: a node between three pieces is a candidate of each.
 //   broad phase    boxes of the two surfaces, then a uniform grid over the faces in their overlap
 //   narrow phase   distance to each face of the neighbouring cells, sign of its plane
 // No ghosts: a face that looks the same way as the node's own surface (n_face · n_node > 0.2) is the far side
@@ -35,14 +35,18 @@ struct ContactPair {
   double friction = 0;  // Coulomb's μ of the pair
 };
 
-// A node and the faces that it may touch.
+// A node and the faces of one piece that it may touch.
 struct BodyContactCandidate {
   int pair;
   int node;
-  double margin;           // gap below which it matters [m]
-  double gap;              // to the nearest face where it was found, then at the start of the step [m]
-  std::vector<int> faces;  // into the surface's faces(), ascending
-  std::vector<int> open;   // those that it was in front of when the step began; all, if there are none
+  int piece;                // SurfaceNormals::piece_of_face
+  double margin;            // gap below which it matters [m]
+  double gap;               // to the nearest face where it was found, then at the start of the step [m]
+  std::vector<int> faces;   // into the surface's faces(), ascending
+  std::vector<int> open;    // those that it was in front of when the step began; all, if there are none
+  int nearest = -1;         // the nearest face where it was found
+  std::vector<int> forced;  // open all the same: none of the others keeps the node out
+  double looked_at = 0;     // until the bodies have travelled so far, it cannot overlap [m]
 };
 
 // Normals of a body's surface, at the positions of the last `follow`.
@@ -52,7 +56,8 @@ struct SurfaceNormals {
   std::vector<int> piece_of_face;  // the connected piece it belongs to (fragments.h); 0 of a rigid body
   std::vector<int> piece_of_node;  // per mesh node; −1 off the surface
   std::vector<Vec3> face;          // unit
-  std::vector<Vec3> node;          // angle-weighted, unit, per mesh node
+  std::vector<std::array<Vec3, 3>> edge;  // per face: pseudo-normals opposite each corner, unit
+  std::vector<Vec3> node;                 // angle-weighted, unit, per mesh node
 
   void set_surface(const Body& body);
   void follow(const Body& body);
@@ -78,11 +83,10 @@ class BodyContactCandidateFinder {
   // Normals at the bodies' present positions. First in each step.
   void follow(const Bodies& bodies);
 
-  // Appends the encounters of one pair whose gap is below the node's margin at these positions, which are at
-  // most `moved` from the bodies' present ones; nodes for which the margin is NaN are left out. Sorted by
-  // node.
+  // Appends the encounters of one pair whose gap is below the node's margin at these positions; nodes for
+  // which the margin is NaN are left out. Sorted by node, then piece.
   void find(const Bodies& bodies, int pair, const Positions& x, const Margin& margin, double depth,
-            double moved, double slack, std::vector<BodyContactCandidate>& out);
+            double slack, std::vector<BodyContactCandidate>& out);
 
  private:
   std::vector<ContactPair> pairs_;

@@ -25,7 +25,7 @@ struct Scene {
     std::vector<BodyContactCandidate> out;
     finder.find(
         bodies, 0, [&](int b) { return std::span<const Vec3>(bodies[b].state.x); },
-        [&](int, int) { return margin; }, depth, 0, 0, out);
+        [&](int, int) { return margin; }, depth, 0, out);
     return out;
   }
 };
@@ -68,10 +68,10 @@ TEST(BodyContactCandidates, FindsEveryNodeThatIsNearAndNoOther) {
         EXPECT_TRUE(listed) << seed << ' ' << n;
       } else if (listed) {
         // Inside, then, and deeper than the margin.
-        EXPECT_LT(
-            std::find_if(found.begin(), found.end(), [&](const BodyContactCandidate& e) { return e.node == n; })
-                ->gap,
-            0);
+        EXPECT_LT(std::find_if(found.begin(), found.end(),
+                               [&](const BodyContactCandidate& e) { return e.node == n; })
+                      ->gap,
+                  0);
       }
     }
     EXPECT_GT(near, 5);
@@ -118,6 +118,60 @@ TEST(BodyContactCandidates, FollowASurfaceThatIsEatenAway) {
   const auto found = scene.find(2.1e-3);
   EXPECT_GE(found.size(), 9u);
   for (const BodyContactCandidate& e : found) EXPECT_GE(e.gap, 2e-3);
+}
+
+// Inside one piece and just outside another: nearer is not instead of deeper.
+TEST(BodyContactCandidates, ANodeMeetsEachPieceByItself) {
+  BodySettings floor =
+      block("floor", Vec3(0.01, 0.01, 4e-3), {5, 5, 2}, soft, {Vec3(-5e-3, 0, -4e-3), Quat::Identity()});
+  const BodySettings wall =
+      block("wall", Vec3(4e-3, 0.01, 8e-3), {2, 5, 4}, soft, {Vec3(-4e-3, 0, -2e-3), Quat::Identity()});
+  const int first = static_cast<int>(floor.mesh.nodes.size());
+  for (const Vec3& x : wall.mesh.nodes) floor.mesh.nodes.push_back(x);
+  for (Tet t : wall.mesh.tets) {
+    for (int& n : t) n += first;
+    floor.mesh.tets.push_back(t);
+  }
+  // 10 um in the floor, 5 um before the wall that is sunk in it.
+  Scene scene(
+      block("block", Vec3(3e-3, 3e-3, 3e-3), {1, 1, 1}, soft, {Vec3(5e-6, 3.3e-3, -1e-5), Quat::Identity()}),
+      floor);
+  std::vector<int> met;
+  for (const BodyContactCandidate& e : scene.find(-1e-6))
+    if (scene.bodies[0].state.x[e.node].x() < 1e-3 && scene.bodies[0].state.x[e.node].z() < 1e-3) {
+      met.push_back(e.node);
+      EXPECT_NEAR(e.gap, -1e-5, 1e-12);
+      for (const int f : e.faces) EXPECT_NEAR(scene.finder.normals(1).face[f].z(), 1, 1e-12);
+    }
+  EXPECT_EQ(met.size(), 2u);
+  met.clear();
+  for (const BodyContactCandidate& e : scene.find(1e-5))
+    if (scene.bodies[0].state.x[e.node].x() < 1e-3 && scene.bodies[0].state.x[e.node].z() < 1e-3)
+      met.push_back(e.piece);
+  std::sort(met.begin(), met.end());
+  EXPECT_EQ(met, std::vector<int>({0, 0, 1, 1}));
+}
+
+// A corner that leans over an edge looks as the face below it does, and yet is before it, not behind a wall.
+TEST(BodyContactCandidates, ACornerThatLooksAsideIsSeenByTheFaceBelow) {
+  const BodySettings ground = slab("ground", Vec3(0.01, 0.01, 6e-3), {5, 5, 3},
+                                   {Vec3(-0.01, 0, -6e-3), Quat::Identity()});  // its edge is the y axis
+  const Quat leaning(Eigen::AngleAxisd(-20 * M_PI / 180, Vec3::UnitY()));
+  const Vec3 corner(-1e-5, 3.3e-3, 5e-5), local(0, 0, 4e-3);
+  Scene scene(block("block", Vec3(4e-3, 4e-3, 4e-3), {2, 2, 2}, soft, {corner - leaning * local, leaning}),
+              ground);
+  int node = -1;
+  for (const int n : scene.finder.normals(0).nodes)
+    if ((scene.bodies[0].state.x[n] - corner).norm() < 1e-9) node = n;
+  ASSERT_GE(node, 0);
+  EXPECT_GT(scene.finder.normals(0).node[node].z(), 0.2);
+  bool seen = false;
+  for (const BodyContactCandidate& e : scene.find(1e-4)) {
+    if (e.node != node) continue;
+    seen = true;
+    EXPECT_NEAR(e.gap, 5e-5, 1e-12);
+  }
+  EXPECT_TRUE(seen);
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ TEST(PieceContact, HalvesSeeOneAnotherOnceTheyAreApart) {
     finder.follow(bodies);
     finder.find(
         bodies, 0, [&](int b) { return std::span<const Vec3>(bodies[b].state.x); },
-        [](int, int) { return 1.5e-3; }, 2e-3, 0, 0, out);
+        [](int, int) { return 1.5e-3; }, 2e-3, 0, out);
     return out.size();
   };
   EXPECT_EQ(found(), 0u);

@@ -43,5 +43,20 @@ TEST(ChartPieces, EveryJointSolveOfTheStirredFragmentEnds) {
   EXPECT_LE(f.overlap, 20e-6);
 }
 
+// Corners over edges, and nodes between three pieces: without them some 200 um deep, and through.
+TEST(ChartPieces, StirredQuadrantsStayApart) {
+  const Scene scene =
+      read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/quadrants/quadrants.yaml");
+  StirSettings settings;
+  settings.steps = 110;
+  const StirFigures f = stir(scene, settings, {});
+  std::printf("  %d of %d steps with contacts of bodies, %d touches, overlap %.2f um\n", f.joint, f.steps,
+              f.touches, 1e6 * f.overlap);
+  EXPECT_GT(f.joint, 50);
+  EXPECT_EQ(f.capped, 0);
+  EXPECT_EQ(f.tunnelled, 0);
+  EXPECT_LE(f.overlap, 20e-6);
+}
+
 }  // namespace
 }  // namespace hapticd
