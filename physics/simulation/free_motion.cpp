@@ -52,8 +52,7 @@ void compute_free_displacement(Body& body) {
         body.rest()[n] + body.free.under_load.segment<3>(3 * n) - body.state.x[n];
 }
 
-// Of the motion under the contact forces, what makes no energy.
-EnergyBound bounded(Body& body, const VecX& contact_force, double h) {
+void keep_energy(Body& body, double h) {
   EnergyLedger& e = body.energy;
   external_forces(body.model, body.state, body.scratch.force);
   if (e.elastic.size() == 0) {
@@ -61,17 +60,10 @@ EnergyBound bounded(Body& body, const VecX& contact_force, double h) {
     e.elastic.resize(e.pieces.count());
     stored_energies(body.model, body.state, e.pieces, VecX::Zero(body.free.dx.size()), e.elastic);
   }
-  return bound_energy(body.model, body.state, e.pieces, e.elastic, body.free.dx,
-                      {body.scratch.force, contact_force}, h);
-}
-
-void keep_energy(Body& body, double h) {
-  EnergyLedger& e = body.energy;
-  EnergyBound bound = bounded(body, body.corrected.force, h);
+  EnergyBound bound = bound_energy(body.model, body.state, e.pieces, e.elastic, body.free.dx,
+                                   {body.scratch.force, body.corrected.force}, h);
   e.elastic = std::move(bound.elastic);
-  const bool held = e.held_back || bound.made > notable || bound.share < little;
-  e.bounded_steps = held ? e.bounded_steps + 1 : 0;
-  e.held_back = false;
+  e.bounded_steps = bound.made > notable || bound.share < little ? e.bounded_steps + 1 : 0;
 }
 
 }  // namespace
@@ -124,14 +116,6 @@ void begin_free_motion(Body& body, const VecX& b, const VecX* from) {
   else
     body.free.offset.resize(0);
   if (from) body.free.dx += body.free.offset;
-}
-
-void hold_back(Body& body, double h) {
-  const Within free_motion(body.times, StepPart::free_motion);
-  finish_free_motion(body, nullptr);
-  if (!body.model.dynamic) return;
-  bounded(body, VecX::Zero(body.free.dx.size()), h);
-  body.energy.held_back = true;
 }
 
 void finish_free_motion(Body& body, const VecX* f) {

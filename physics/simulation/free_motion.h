@@ -57,10 +57,6 @@ void fresh_free_motion(Body& body, double h);
 // (predicted_linearisation.h). The equation is in the source.
 void foresee_free_motion(Body& body, double h);
 
-// Of Δx_free, known everywhere then, so much as makes no energy: it was not plausible. The step counts as
-// bounded.
-void hold_back(Body& body, double h);
-
 // x += Δx, v = Δx/h of Δx = Δx_free + C f (f: may be null); with `keeps_energy`, of so much of it as makes
 // none (energy_bound.h).
 void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy = true);

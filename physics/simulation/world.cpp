@@ -89,7 +89,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);
   if (ahead) {
-    prediction_.linearise(context_, factors_, problem, samples, contact_.state.solver, removing_);
+    prediction_.linearise(context_, factors_, problem, samples, contact_.state.solver, removing_, report);
     contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);
   }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "physics/tissue/stored_energy.h"
 
@@ -80,10 +79,9 @@ void correct_touching(Body& body, const VecX& contact_force, const VecX& of_bodi
   VecX kept = body.free.dx;
   EnergyBound bound =
       bound_energy(body.model, body.state, e.pieces, e.elastic, kept, {body.scratch.force, contact_force}, h);
-  const bool held = std::exchange(e.held_back, false);
   if (!(bound.made > 0)) {
     e.elastic = std::move(bound.elastic);
-    e.bounded_steps = held ? e.bounded_steps + 1 : 0;
+    e.bounded_steps = 0;
     return move(body, h);
   }
   // Whole is the motion of pieces that touch and keep their shape; of others, what the bound keeps.
@@ -112,7 +110,7 @@ void correct_touching(Body& body, const VecX& contact_force, const VecX& of_bodi
     if (share[p] < 1)
       body.state.v[n] = motion.mean.col(p) + share[p] * (body.state.v[n] - motion.mean.col(p));
   });
-  e.bounded_steps = held || bound.made > notable ? e.bounded_steps + 1 : 0;
+  e.bounded_steps = bound.made > notable ? e.bounded_steps + 1 : 0;
 }
 
 }  // namespace hapticd

@@ -25,10 +25,9 @@ double kinetic_energy(const TissueModel& model, const TissueState& state) noexce
 
 // What a body knows of its energy from one step to the next.
 struct EnergyLedger {
-  Pieces pieces;           // of the live tissue; none: not known
-  VecX elastic;            // E of each at the state [J]; none: not known
-  bool held_back = false;  // in this step, a free motion that was not plausible
-  int bounded_steps = 0;   // in a row, whose motion would have made energy to speak of, or was hardly kept
+  Pieces pieces;          // of the live tissue; none: not known
+  VecX elastic;           // E of each at the state [J]; none: not known
+  int bounded_steps = 0;  // in a row, whose motion would have made energy to speak of, or was hardly kept
 };
 
 struct EnergyBound {

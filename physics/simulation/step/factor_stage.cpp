@@ -162,7 +162,6 @@ void FactorStage::make_plausible(const StepContext& c, int b, StepReport& report
     compute_free_motion(body, c.settings.h);
     if (plausible(c, body)) return;
   }
-  if (body.model.dynamic) return hold_back(body, c.settings.h);
   make_reference(c, b, report);
   compute_free_motion(body, c.settings.h);
 }

@@ -4,9 +4,8 @@
 //   renew  Δx_free at the corrected state, with the same factor; or foreseen from the correction alone, where
 //          the compliance solves in halves and a predicted linearisation follows (free_motion.h)
 //
-// With reference factors made elsewhere, of a free motion that is not plausible only what makes no energy is
-// kept, and a reference factor asked for; a step makes it itself after many such. Errors: std::runtime_error
-// from the factor of a singular body.
+// With reference factors made elsewhere, a free motion that is not plausible makes the step build its
+// reference factor itself. Errors: std::runtime_error from the factor of a singular body.
 #pragma once
 
 #include <span>
@@ -37,15 +36,16 @@ class FactorStage {
   // False: Δx_free takes nodes far, and one step of refinement would change it by its own size.
   bool plausible(const StepContext& c, Body& body) const;
 
+  // A reference factor of the present state, in this step, however long that takes.
+  void make_reference(const StepContext& c, int body, StepReport& report);
+
   // Its Δx_free after the correction is foreseen, not computed.
   bool foresees(const Body& body) const;
 
   ReferenceScheduling references;
 
  private:
-  // A reference factor of the present state, in this step, however long that takes.
-  void make_reference(const StepContext& c, int body, StepReport& report);
-  // What is far joins the zone; where that does not do, no more of Δx_free than makes no energy.
+  // Δx_free anew with a better factor, if need be.
   void make_plausible(const StepContext& c, int body, StepReport& report);
   // Nodes that Δx_free takes far join the zone. False: it is as it was.
   static bool extend_where_far(Body& body);

@@ -49,7 +49,8 @@ ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& 
 VecX Prediction::force(const CondensedProblem& problem) const { return force_on_patch(problem, *scratch_); }
 
 void Prediction::linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
-                           const InstrumentSamples& samples, const ContactState& before, bool removing) {
+                           const InstrumentSamples& samples, const ContactState& before, bool removing,
+                           StepReport& report) {
   InstrumentSamples there = samples;
   for (int i = 0; i < max_instruments; ++i) there[i].pose = pose_ahead(c, i, samples[i].pose);
   VecX patch_force = VecX::Zero(3 * problem.nodes);
@@ -62,11 +63,11 @@ void Prediction::linearise(const StepContext& c, FactorStage& factors, const Con
   }
   for (int b = 0; b < c.body_count(); ++b)
     if (is_awake(c.bodies[b]) && c.bodies[b].model.corotational)
-      linearise_body(c, factors, b, patch_force, there);
+      linearise_body(c, factors, b, patch_force, there, report);
 }
 
 void Prediction::linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
-                                const InstrumentSamples& there) const {
+                                const InstrumentSamples& there, StepReport& report) const {
   Body& body = c.bodies[b];
   const double h = c.settings.h;
   VecX force = force_on_body(body, b, c.patch.nodes(), patch_force);
@@ -85,7 +86,10 @@ void Prediction::linearise_body(const StepContext& c, FactorStage& factors, int 
   if (any_present(there)) factors.follow(c, b, there, c.patch.nodes_of(b));
   linearise_ahead(body, h);
   body.free.ahead = true;
-  if (!factors.plausible(c, body)) hold_back(body, h);
+  if (factors.plausible(c, body)) return;
+  factors.make_reference(c, b, report);
+  body.free.dx = body.free.predicted;
+  linearise_ahead(body, h);
 }
 
 }  // namespace hapticd

@@ -29,11 +29,12 @@ class Prediction {
 
   // The bodies; problem: at the end of the step, before C_pp and positions are renewed.
   void linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
-                 const InstrumentSamples& samples, const ContactState& before, bool removing);
+                 const InstrumentSamples& samples, const ContactState& before, bool removing,
+                 StepReport& report);
 
  private:
   void linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
-                      const InstrumentSamples& there) const;
+                      const InstrumentSamples& there, StepReport& report) const;
 
   std::unique_ptr<ContactScratch> scratch_;  // only with a lead
 };
