@@ -66,6 +66,7 @@ struct BodyContactReport {
   int dropped = 0;
   int rounds = 0;       // of the last step
   bool held = false;    // geometry was held in the end: rows were added, none renewed
+  bool friction_held = false;  // … and friction too
   bool capped = false;  // and still some overlap beyond the tolerance was left, or a solve was not solved
   int joined = 0;       // nodes that only showed once they had moved
   SolveStatus status = SolveStatus::solved;
@@ -110,6 +111,9 @@ class BodyContacts {
   // more than `tolerance`, linearised where it is. Returns the deepest of them; 0: none is, and the solve
   // ends here.
   double add_violated(const Bodies& bodies, double tolerance);
+
+  // From now on solves find normal forces alone; friction, and what a blade's edge bears, stay as they are.
+  void hold_friction(bool held) { friction_held_ = held; }
 
   // λ under the instrument's force on the patch's nodes (3·nodes); moves the linearisation point.
   void solve(const VecX& tool_force);
@@ -188,6 +192,8 @@ class BodyContacts {
   static CoulombOptions options_of_coulomb();
   void solve_rows(const MatX& W, const VecX& q, std::span<const double> mu, std::span<const double> limit,
                   VecX& lambda, int rows_per_contact);
+  void solve_normals(const MatX& W, const VecX& q, std::span<const double> limit, VecX& lambda,
+                     int rows_per_contact);
   void take(const VecX& lambda, int rows_per_contact);
   void set_tool(const VecX& tool_force);
   static VecX displacement(const Domain& d);
@@ -211,6 +217,7 @@ class BodyContacts {
   double travelled_ = 0;            // of the linearisation points since the solve began: no node more [m]
   double last_way_ = 0;             // … and between the last two
   bool first_ = true;               // nothing was ever solved
+  bool friction_held_ = false;
   int rows_per_contact_ = 3;
   std::vector<int> working_;  // contacts of solved_ that W_ holds; the others are open
   std::vector<int> works_;    // their places there, −1: not

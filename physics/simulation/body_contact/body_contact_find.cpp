@@ -155,6 +155,8 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
       missing = true;
       continue;
     }
+    // Behind a ghost alone: what is looked for is nearer.
+    if (!std::binary_search(e.faces.begin(), e.faces.end(), e.nearest)) continue;
     // Inside, and yet before the nearest face that it may leave through: a face that turned in the step.
     const ContactPair& p = pairs()[e.pair];
     const Vec3& x = x_end(p.points)[e.node];

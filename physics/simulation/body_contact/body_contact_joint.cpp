@@ -38,7 +38,8 @@ VecX BodyContacts::solve_with(const CondensedProblem& problem, const ContactRows
   std::vector<ToolRow> rows(tool.contacts);
   std::vector<int> working;
   bool known = false;
-  for (int i = 0; i < tool.contacts; ++i) known = known || tool_lambda[mt * i] > 0;
+  const auto bears = [&](int i) { return !tool_lambda.segment(mt * i, mt).isZero(0); };
+  for (int i = 0; i < tool.contacts; ++i) known = known || bears(i);
   for (int i = 0; i < tool.contacts; ++i) {
     const NodeWeights at = node_weights(problem, tool.row[i]);
     for (std::size_t c = 0; c < at.node.size(); ++c) {
@@ -46,7 +47,7 @@ VecX BodyContacts::solve_with(const CondensedProblem& problem, const ContactRows
       rows[i].stencil[c] = {p.body, domains_[p.body].place[p.node], at.weight[c]};
     }
     rows[i].frame = tool.row[i].frame;
-    rows[i].works = known ? tool_lambda[mt * i] > 0 : tool.q()[mt * i] < 0;
+    rows[i].works = known ? bears(i) : tool.q()[mt * i] < 0;
     if (rows[i].works) working.push_back(i);
   }
   VecX force;
@@ -71,7 +72,7 @@ VecX BodyContacts::solve_working_with(const CondensedProblem& problem, const Con
   const int mt = tool.rows_per_contact, mb = rows_per_contact_;
   VecX bodies(mb * nb);
   for (Eigen::Index i = 0; i < nb; ++i) bodies.segment(mb * i, mb) = solved_[working_[i]].lambda.head(mb);
-  if (mt != 3 || mb != 1 || !solve_eliminating(tool, working, tool_lambda, bodies))
+  if (friction_held_ || mt != 3 || mb != 1 || !solve_eliminating(tool, working, tool_lambda, bodies))
     solve_as_one(tool, working, tool_lambda, bodies);
   take(bodies, mb);
 

@@ -9,12 +9,6 @@
 #include "physics/simulation/body_contact/body_contact.h"
 
 namespace hapticd {
-namespace {
-
-constexpr int most_sweeps = 2000;  // no deadline of a millisecond here
-
-}  // namespace
-
 CoulombOptions BodyContacts::options_of_coulomb() {
   CoulombOptions options;
   options.tolerance = 1e-10;
@@ -29,9 +23,9 @@ void BodyContacts::choose_working() {
   W_tool_.resize(0, 0);
   works_.assign(solved_.size(), -1);
   const bool known =
-      std::any_of(solved_.begin(), solved_.end(), [](const auto& c) { return c.lambda[0] > 0; });
+      std::any_of(solved_.begin(), solved_.end(), [](const auto& c) { return !c.lambda.isZero(0); });
   for (int i = 0; i < static_cast<int>(solved_.size()); ++i)
-    if (known ? solved_[i].lambda[0] > 0 : solved_[i].delta_free[0] < 0) {
+    if (known ? !solved_[i].lambda.isZero(0) : solved_[i].delta_free[0] < 0) {
       works_[i] = static_cast<int>(working_.size());
       working_.push_back(i);
     }
@@ -111,25 +105,31 @@ void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const doub
   report_.residual = 0;
   report_.sliding = 0;
   if (mu.empty()) return;
+  if (m == 1 || friction_held_) return solve_normals(W, q, limit, lambda, m);
   const auto contacts = static_cast<int>(mu.size());
-  if (m == 1) {
-    if (contacts > lcp_->capacity) lcp_ = std::make_unique<LcpWorkspace>(2 * contacts);
-    std::vector<std::uint8_t> active(mu.size());
-    for (std::size_t i = 0; i < mu.size(); ++i) active[i] = lambda[static_cast<Eigen::Index>(i)] > 0;
-    const LcpResult r = solve_lcp(W, q, lambda, active, *lcp_, 0, LcpOptions{});
-    report_.status = r.status;
-    report_.residual = r.residual;
-    return;
-  }
   if (contacts > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * contacts);
-  CoulombOptions options = options_of_coulomb();
-  CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options, limit);
-  if (!(r.residual <= CoulombOptions{}.tolerance)) {
-    options.max_sweeps = most_sweeps;
-    r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options, limit);
-  }
+  const CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options_of_coulomb(), limit);
   report_.status = r.residual <= CoulombOptions{}.tolerance ? SolveStatus::solved : r.status;
   report_.residual = r.residual;
+}
+
+// The normal forces, all else of λ given: an LCP of A = W_nn, b = q_n + W_n,given λ_given.
+void BodyContacts::solve_normals(const MatX& W, const VecX& q, std::span<const double> limit, VecX& lambda,
+                                 int m) {
+  std::vector<Eigen::Index> normal;
+  for (Eigen::Index i = 0; m * i < q.size(); ++i)
+    if (limit.empty() || limit[i] == no_limit) normal.push_back(m * i);
+  VecX given = lambda, found = lambda(normal);
+  given(normal).setZero();
+  const VecX b = (q + W * given)(normal);
+  const auto contacts = static_cast<int>(normal.size());
+  if (contacts > lcp_->capacity) lcp_ = std::make_unique<LcpWorkspace>(2 * contacts);
+  std::vector<std::uint8_t> active(normal.size());
+  for (int i = 0; i < contacts; ++i) active[i] = found[i] > 0;
+  const LcpResult r = solve_lcp(W(normal, normal), b, found, active, *lcp_, 0, LcpOptions{});
+  report_.status = r.status;
+  report_.residual = r.residual;
+  lambda(normal) = found;
 }
 
 // λ of the bodies' contacts, and with it the forces on their nodes.
@@ -141,8 +141,8 @@ void BodyContacts::take(const VecX& lambda, int m) {
     BodyContact& c = solved_[i];
     c.lambda.setZero();
     if (works_[i] >= 0) c.lambda.head(m) = lambda.segment(m * static_cast<Eigen::Index>(works_[i]), m);
-    if (!(c.lambda[0] > 0)) continue;
-    ++report_.active;
+    if (c.lambda.isZero(0)) continue;
+    report_.active += c.lambda[0] > 0;
     report_.sliding +=
         c.friction > 0 && c.lambda.tail<2>().norm() > inside_the_cone * c.friction * c.lambda[0];
     const Vec3 force = c.frame * c.lambda;

@@ -11,7 +11,8 @@ namespace {
 constexpr int most_rounds = 16;         // with geometry renewed
 constexpr int patience = 3;             // rounds in vain, after which geometry is held
 constexpr double in_vain = 0.7;         // of what was left before
-constexpr int most_held = 200;          // solves with geometry held: a bound for friction alone
+constexpr int most_sliding = 40;        // solves with geometry held and friction free to change
+constexpr int most_held = 200;          // … and with friction held: never reached
 constexpr int most_attempts = 40;       // at finding the nodes that a fast step brings into touch
 constexpr double settled_force = 1e-6;  // relative
 constexpr double settled_gap = 1e-7;    // [m]
@@ -76,17 +77,22 @@ void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
 // What converges: J(x) = ½ ‖x − x_free‖²_A is least over the half spaces of the rows there are. Rows are only
 // added, so J rises and, by its strong convexity, ½ ‖x_k+1 − x_k‖²_A ≤ J_k+1 − J_k. J is bounded where the
 // half spaces have a point in common, so the steps go to nothing, and with them the overlap: a row that was
-// added at x_k holds at x_k+1. With friction J has no such bound, and `most_held` ends what would not end.
+// added at x_k holds at x_k+1. With friction J has no such bound; where that goes round in circles, or one of its
+// solves does not end, friction stays what the last solve found, a given force, and the proof holds again.
 void BodyContactStage::hold_geometry(const StepContext& c, const std::function<void()>& solve) {
   BodyContactReport& report = contacts_.report();
   report.held = true;
   double deepest = contacts_.add_violated(c.bodies, held_gap);
-  for (int k = 0; k < most_held && deepest > 0; ++k) {
+  const auto unsolved = [&] { return report.status != SolveStatus::solved; };
+  for (int k = 0; k < most_sliding + most_held && (deepest > 0 || unsolved()); ++k) {
+    report.friction_held = report.friction_held || k >= most_sliding || unsolved();
+    contacts_.hold_friction(report.friction_held);
     solve();
     ++report.rounds;
     deepest = contacts_.add_violated(c.bodies, held_gap);
   }
-  report.capped = deepest > 0;
+  contacts_.hold_friction(false);
+  report.capped = deepest > 0 || unsolved();
 }
 
 void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
@@ -94,9 +100,10 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
                                   const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   if (!contacts_.any()) return contact.solve(c, samples, problem, last, report);
   begin_solve(c, factors, samples, report);
-  contacts_.report().held = contacts_.report().capped = false;
+  contacts_.report().held = contacts_.report().friction_held = contacts_.report().capped = false;
   VecX force = remembered_force(problem, contact.state.solver.memory);
   Rounds rounds;
+  const auto solved = [&] { return contacts_.report().status == SolveStatus::solved; };
   contacts_.solve(force);
   const double first = contacts_.linearise(c.bodies);
   if (any_present(samples) && problem.samples > 0) {
@@ -111,22 +118,21 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
       const double off = contacts_.linearise(c.bodies), size = std::max(force.norm(), before.norm());
       const double change = size > 0 ? (force - before).norm() / size : 0;
       rounds.end(std::max(off / settled_gap, change / settled_force));
-    } while (rounds.go_on());
+    } while (rounds.go_on() && solved());
     contacts_.report().rounds = rounds.count();
-    if (!rounds.settled()) hold_geometry(c, solve);
+    if (!rounds.settled() || !solved()) hold_geometry(c, solve);
     report.contact = tool.finish(contacts_);
   } else {
     contact.solve(c, samples, problem, last, report);
     rounds.end(first / settled_gap);
-    while (rounds.go_on()) {
+    while (rounds.go_on() && solved()) {
       contacts_.solve(force);
       rounds.end(contacts_.linearise(c.bodies) / settled_gap);
     }
     contacts_.report().rounds = rounds.count();
-    if (!rounds.settled()) hold_geometry(c, [&] { contacts_.solve(force); });
+    if (!rounds.settled() || !solved()) hold_geometry(c, [&] { contacts_.solve(force); });
   }
   contact.state.patch_force = force;
-  contacts_.report().capped |= contacts_.report().status != SolveStatus::solved;
 }
 
 void BodyContactStage::predict_end(const StepContext& c, int b, const VecX& patch_force) {
