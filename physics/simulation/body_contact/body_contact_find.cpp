@@ -31,6 +31,18 @@ double height_at_start(const Bodies& bodies, const ContactPair& p, int node, int
                    bodies[p.faces].surface.faces()[face].nodes);
 }
 
+// Of a point from a face of a body whose nodes are at y, negative on its tissue's side: beyond a convex edge it is
+// not behind the face, whatever the plane says [m].
+double distance_from(const Vec3& x, const Body& body, const SurfaceNormals& normals, int face,
+                     std::span<const Vec3> y) {
+  const Triangle& t = body.surface.faces()[face].nodes;
+  const auto w = nearest_on_triangle(x, {y[t[0]], y[t[1]], y[t[2]]});
+  const Vec3 away = x - w[0] * y[t[0]] - w[1] * y[t[1]] - w[2] * y[t[2]];
+  const bool inside = w[0] > 0 && w[1] > 0 && w[2] > 0;
+  const double side = inside ? height_at(x, y, t) : normals.feature(body, face, w).dot(away);
+  return side < 0 ? -away.norm() : away.norm();
+}
+
 }  // namespace
 
 void BodyContacts::find(const Bodies& bodies) {
@@ -80,10 +92,13 @@ void BodyContacts::drop_ghosts(const Bodies& bodies, bool all,
   if (first_) return;
   for (BodyContactCandidate& e : found) {
     const ContactPair& p = pairs()[e.pair];
+    const SurfaceNormals& normals = finder_.normals(p.faces);
     const double far = -through * depth_of(bodies, p);
     const auto known = remembered(e.pair, e.node);
     const auto is_ghost = [&](int f) {
       return height_at_start(bodies, p, e.node, f) < far &&
+             distance_from(bodies[p.points].state.x[e.node], bodies[p.faces], normals, f,
+                           bodies[p.faces].state.x) < far &&
              std::none_of(known.begin(), known.end(), [&](const Remembered& m) {
                return m.face == bodies[p.faces].surface.faces()[f].id;
              });
@@ -161,16 +176,12 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
     const ContactPair& p = pairs()[e.pair];
     const Vec3& x = x_end(p.points)[e.node];
     const std::span<const Vec3> y = x_end(p.faces);
-    double nearest = std::numeric_limits<double>::infinity(), height = 0;
+    double nearest = std::numeric_limits<double>::infinity();
     for (const int f : k->open) {
-      const Triangle& t = bodies[p.faces].surface.faces()[f].nodes;
-      const auto w = nearest_on_triangle(x, {y[t[0]], y[t[1]], y[t[2]]});
-      const double distance = (x - w[0] * y[t[0]] - w[1] * y[t[1]] - w[2] * y[t[2]]).norm();
-      if (distance >= nearest) continue;
-      nearest = distance;
-      height = height_at(x, y, t);
+      const double d = distance_from(x, bodies[p.faces], finder_.normals(p.faces), f, y);
+      if (std::abs(d) < std::abs(nearest)) nearest = d;
     }
-    if (height < -missed || std::find(k->open.begin(), k->open.end(), e.nearest) != k->open.end()) continue;
+    if (nearest < -missed || std::find(k->open.begin(), k->open.end(), e.nearest) != k->open.end()) continue;
     k->forced.push_back(e.nearest);
     ++joined;
     missing = true;

@@ -23,14 +23,6 @@ void each_node(const Body& body, const Visit& visit) {
     if (const int p = body.energy.pieces.of_node[n]; p >= 0 && !body.model.fixed[n]) visit(n, p);
 }
 
-bool keeps_its_side(const Body& body, int t) {
-  const Tet& tet = body.model.mesh.tets[t];
-  Mat3 D;
-  const auto end = [&](int n) { return Vec3(body.state.x[n] + body.free.dx.segment<3>(3 * n)); };
-  for (int c = 0; c < 3; ++c) D.col(c) = end(tet[c + 1]) - end(tet[0]);
-  return D.determinant() > 0;
-}
-
 void move(Body& body, double h) {
   body.corrected.v_before = body.state.v;
   for (int n = 0; n < body.model.node_count(); ++n) {
@@ -66,9 +58,9 @@ struct PieceMotion {
 
 }  // namespace
 
-void correct_touching(Body& body, const VecX& contact_force, const VecX& of_bodies, double h) {
+void correct_touching(Body& body, const VecX& contact_force, std::span<const int> near, double h) {
   const Within free_motion(body.times, StepPart::free_motion);
-  finish_free_motion(body, &contact_force);
+  finish_free_motion(body, contact_force.isZero(0) ? nullptr : &contact_force);
   body.corrected.force = contact_force;
   EnergyLedger& e = body.energy;
   if (e.elastic.size() == 0) {
@@ -84,11 +76,10 @@ void correct_touching(Body& body, const VecX& contact_force, const VecX& of_bodi
     e.bounded_steps = 0;
     return move(body, h);
   }
-  // Whole is the motion of pieces that touch and keep their shape; of others, what the bound keeps.
+  // Whole is the motion of pieces that are near others; of the rest, what the bound keeps.
   std::vector<std::uint8_t> whole(e.pieces.count(), 0);
-  each_node(body, [&](int n, int p) { whole[p] |= !of_bodies.segment<3>(3 * n).isZero(0); });
-  for (int t = 0; t < body.model.tet_count(); ++t)
-    if (const int p = e.pieces.of_tet[t]; p >= 0 && whole[p] && !keeps_its_side(body, t)) whole[p] = 0;
+  for (const int n : near)
+    if (const int p = e.pieces.of_node[n]; p >= 0) whole[p] = 1;
   each_node(body, [&](int n, int p) {
     if (!whole[p]) body.free.dx.segment<3>(3 * n) = kept.segment<3>(3 * n);
   });

@@ -58,12 +58,10 @@ int correct_bodies(const StepContext& c, const VecX& patch_force) {
     if (!is_awake(body)) continue;
     body.free.ahead = false;
     VecX force = force_on_body(body, b, c.patch.nodes(), patch_force);
-    const bool touching = c.contacts.any() && c.contacts.pushes(b);
-    VecX of_bodies = VecX::Zero(touching ? force.size() : 0);
-    if (touching) c.contacts.add_forces(b, of_bodies);
-    if (touching) force += of_bodies;
-    if (touching && c.settings.keeps_energy && body.model.dynamic)
-      correct_touching(body, force, of_bodies, c.settings.h);
+    const std::span<const int> near = c.contacts.nodes_of(b);
+    if (c.contacts.any() && c.contacts.pushes(b)) c.contacts.add_forces(b, force);
+    if (!near.empty() && c.settings.keeps_energy && body.model.dynamic)
+      correct_touching(body, force, near, c.settings.h);
     else
       correct(body, force.isZero(0) ? nullptr : &force, c.settings.h, c.settings.keeps_energy);
     bounded += body.energy.bounded_steps > 0;
