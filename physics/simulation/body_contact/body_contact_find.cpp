@@ -31,18 +31,6 @@ double height_at_start(const Bodies& bodies, const ContactPair& p, int node, int
                    bodies[p.faces].surface.faces()[face].nodes);
 }
 
-// Of a point from a face of a body whose nodes are at y, negative on its tissue's side: beyond a convex edge it is
-// not behind the face, whatever the plane says [m].
-double distance_from(const Vec3& x, const Body& body, const SurfaceNormals& normals, int face,
-                     std::span<const Vec3> y) {
-  const Triangle& t = body.surface.faces()[face].nodes;
-  const auto w = nearest_on_triangle(x, {y[t[0]], y[t[1]], y[t[2]]});
-  const Vec3 away = x - w[0] * y[t[0]] - w[1] * y[t[1]] - w[2] * y[t[2]];
-  const bool inside = w[0] > 0 && w[1] > 0 && w[2] > 0;
-  const double side = inside ? height_at(x, y, t) : normals.feature(body, face, w).dot(away);
-  return side < 0 ? -away.norm() : away.norm();
-}
-
 }  // namespace
 
 void BodyContacts::find(const Bodies& bodies) {
@@ -97,8 +85,8 @@ void BodyContacts::drop_ghosts(const Bodies& bodies, bool all,
     const auto known = remembered(e.pair, e.node);
     const auto is_ghost = [&](int f) {
       return height_at_start(bodies, p, e.node, f) < far &&
-             distance_from(bodies[p.points].state.x[e.node], bodies[p.faces], normals, f,
-                           bodies[p.faces].state.x) < far &&
+             normals.distance(bodies[p.faces], f, bodies[p.points].state.x[e.node], bodies[p.faces].state.x) <
+                 far &&
              std::none_of(known.begin(), known.end(), [&](const Remembered& m) {
                return m.face == bodies[p.faces].surface.faces()[f].id;
              });
@@ -178,7 +166,7 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
     const std::span<const Vec3> y = x_end(p.faces);
     double nearest = std::numeric_limits<double>::infinity();
     for (const int f : k->open) {
-      const double d = distance_from(x, bodies[p.faces], finder_.normals(p.faces), f, y);
+      const double d = finder_.normals(p.faces).distance(bodies[p.faces], f, x, y);
       if (std::abs(d) < std::abs(nearest)) nearest = d;
     }
     if (nearest < -missed || std::find(k->open.begin(), k->open.end(), e.nearest) != k->open.end()) continue;

@@ -11,6 +11,7 @@ namespace hapticd {
 namespace {
 
 constexpr double looks_the_same_way = 0.2;  // n_face · n_node
+constexpr double against = 1e-3;            // cosine of normals that look against one another
 constexpr double resting = 2e-6;            // a face that a node lay on is overlapped by no more [m]
 
 using Box = Eigen::AlignedBox3d;
@@ -69,6 +70,30 @@ std::vector<PieceExtent> extents(const SurfaceNormals& surface, std::span<const 
   }
   return out;
 }
+
+// The surface's faces, by node.
+class FacesAtNodes {
+ public:
+  explicit FacesAtNodes(const Body& body) : start_(body.state.x.size() + 1, 0) {
+    const auto& faces = body.surface.faces();
+    for (const SurfaceFace& f : faces)
+      for (const int n : f.nodes) ++start_[n + 1];
+    for (std::size_t n = 1; n < start_.size(); ++n) start_[n] += start_[n - 1];
+    face_.resize(start_.back());
+    std::vector<int> fill(start_.begin(), start_.end() - 1);
+    for (std::size_t f = 0; f < faces.size(); ++f)
+      for (const int n : faces[f].nodes) face_[fill[n]++] = static_cast<int>(f);
+  }
+  // Some face at the node looks against this direction: its tissue is not all that there is behind the node.
+  bool any_against(const SurfaceNormals& surface, int node, const Vec3& direction) const {
+    for (int k = start_[node]; k < start_[node + 1]; ++k)
+      if (surface.face[face_[k]].dot(direction) < -against) return true;
+    return false;
+  }
+
+ private:
+  std::vector<int> start_, face_;
+};
 
 }  // namespace
 
@@ -146,6 +171,15 @@ Vec3 SurfaceNormals::feature(const Body& body, int f, const std::array<double, 3
     if (zeros == 2 && w[c] != 0) return node[body.surface.faces()[f].nodes[c]];
   }
   return face[f];
+}
+
+double SurfaceNormals::distance(const Body& body, int f, const Vec3& x, std::span<const Vec3> y) const {
+  const std::array<Vec3, 3> c = corners(body.surface.faces()[f].nodes, y);
+  const auto w = nearest_on_triangle(x, c);
+  const Vec3 away = x - w[0] * c[0] - w[1] * c[1] - w[2] * c[2];
+  const bool beside = w[0] == 0 || w[1] == 0 || w[2] == 0;
+  const double side = (beside ? feature(body, f, w) : (c[1] - c[0]).cross(c[2] - c[0])).dot(away);
+  return side < 0 ? -away.norm() : away.norm();
 }
 
 void BodyContactCandidateFinder::surface_changed(int body) {
@@ -244,6 +278,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   };
   std::vector<Seen> seen;
   std::vector<int> visited(near.size(), -1);
+  const FacesAtNodes at_node(bodies[p.points]);
   for (const auto& [node, m, radius] : asked) {
     seen.clear();
     const Box around(x[node] - Vec3::Constant(radius), x[node] + Vec3::Constant(radius));
@@ -257,7 +292,9 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
         const double height = theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]);
         if (height < -depth) continue;
         const bool from_front = height >= -resting;
-        if (theirs.face[f].dot(own.node[node]) > looks_the_same_way && !from_front) continue;
+        if (theirs.face[f].dot(own.node[node]) > looks_the_same_way &&
+            !(from_front && (pieces.size() > 1 || at_node.any_against(own, node, theirs.face[f]))))
+          continue;
         const std::array<Vec3, 3> c = corners(faces[f].nodes, y);
         const auto w = nearest_on_triangle(x[node], c);
         const double distance = (x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2])).norm();
