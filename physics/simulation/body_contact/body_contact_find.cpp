@@ -11,7 +11,8 @@ namespace {
 
 constexpr double ahead = 1.2;    // steps of present speed that a node is watched for
 constexpr double behind = 0.02;  // of the edge: a face that a node is farther behind is closed to it
-constexpr double through = 0.1;  // of the edge: … and from so far behind it never was before it
+constexpr double through = 0.1;  // of the edge: … and from so far behind it never was before it, …
+constexpr double against = -0.2;  // … if it does not look against the node's own surface (cosine)
 
 double fastest(const Body& body) {
   double square = 0;
@@ -83,8 +84,9 @@ void BodyContacts::drop_ghosts(const Bodies& bodies, bool all,
     const SurfaceNormals& normals = finder_.normals(p.faces);
     const double far = -through * depth_of(bodies, p);
     const auto known = remembered(e.pair, e.node);
+    const Vec3& own_normal = finder_.normals(p.points).node[e.node];
     const auto is_ghost = [&](int f) {
-      return height_at_start(bodies, p, e.node, f) < far &&
+      return normals.face[f].dot(own_normal) > against && height_at_start(bodies, p, e.node, f) < far &&
              normals.distance(bodies[p.faces], f, bodies[p.points].state.x[e.node], bodies[p.faces].state.x) <
                  far &&
              std::none_of(known.begin(), known.end(), [&](const Remembered& m) {
@@ -160,16 +162,10 @@ int BodyContacts::join_missed(const Bodies& bodies, const Positions& x_end) {
     }
     // Behind a ghost alone: what is looked for is nearer.
     if (!std::binary_search(e.faces.begin(), e.faces.end(), e.nearest)) continue;
-    // Inside, and yet before the nearest face that it may leave through: a face that turned in the step.
-    const ContactPair& p = pairs()[e.pair];
-    const Vec3& x = x_end(p.points)[e.node];
-    const std::span<const Vec3> y = x_end(p.faces);
-    double nearest = std::numeric_limits<double>::infinity();
-    for (const int f : k->open) {
-      const double d = finder_.normals(p.faces).distance(bodies[p.faces], f, x, y);
-      if (std::abs(d) < std::abs(nearest)) nearest = d;
-    }
-    if (nearest < -missed || std::find(k->open.begin(), k->open.end(), e.nearest) != k->open.end()) continue;
+    // Deeper than its recovery allows, through a face that turned in the step.
+    if (std::find(k->open.begin(), k->open.end(), e.nearest) != k->open.end() ||
+        e.gap >= std::min(0.0, k->gap + settings_.recovery_speed * h_) - missed)
+      continue;
     k->forced.push_back(e.nearest);
     ++joined;
     missing = true;
