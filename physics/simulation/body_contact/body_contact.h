@@ -64,8 +64,8 @@ struct BodyContactReport {
   int active = 0;
   int sliding = 0;
   int dropped = 0;
-  int rounds = 0;       // of the last step
-  bool held = false;    // geometry was held in the end: rows were added, none renewed
+  int rounds = 0;              // of the last step
+  bool held = false;           // geometry was held in the end: rows were added, none renewed
   bool friction_held = false;  // … and friction too
   bool capped = false;  // and still some overlap beyond the tolerance was left, or a solve was not solved
   int joined = 0;       // nodes that only showed once they had moved

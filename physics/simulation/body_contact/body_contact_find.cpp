@@ -9,9 +9,9 @@
 namespace hapticd {
 namespace {
 
-constexpr double ahead = 1.2;    // steps of present speed that a node is watched for
-constexpr double behind = 0.02;  // of the edge: a face that a node is farther behind is closed to it
-constexpr double through = 0.1;  // of the edge: … and from so far behind it never was before it, …
+constexpr double ahead = 1.2;     // steps of present speed that a node is watched for
+constexpr double behind = 0.02;   // of the edge: a face that a node is farther behind is closed to it
+constexpr double through = 0.1;   // of the edge: … and from so far behind it never was before it, …
 constexpr double against = -0.2;  // … if it does not look against the node's own surface (cosine)
 
 double fastest(const Body& body) {

@@ -61,7 +61,8 @@ void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
   contacts_.set_domains(c.bodies, c.patch.nodes());
   for (int b = 0; b < c.body_count(); ++b) {
     const auto nodes = contacts_.domain_nodes(b);
-    if (nodes.empty()) continue;
+    if (nodes.empty() || std::ranges::equal(nodes, known_[b])) continue;
+    known_[b].assign(nodes.begin(), nodes.end());
     factors.cover(c, b, samples, nodes, report);
     MatX& C = contacts_.compliance(b);
     C.resize(3 * static_cast<Eigen::Index>(nodes.size()), 3 * static_cast<Eigen::Index>(nodes.size()));
@@ -77,8 +78,9 @@ void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
 // What converges: J(x) = ½ ‖x − x_free‖²_A is least over the half spaces of the rows there are. Rows are only
 // added, so J rises and, by its strong convexity, ½ ‖x_k+1 − x_k‖²_A ≤ J_k+1 − J_k. J is bounded where the
 // half spaces have a point in common, so the steps go to nothing, and with them the overlap: a row that was
-// added at x_k holds at x_k+1. With friction J has no such bound; where that goes round in circles, or one of its
-// solves does not end, friction stays what the last solve found, a given force, and the proof holds again.
+// added at x_k holds at x_k+1. With friction J has no such bound; where that goes round in circles, or one of
+// its solves does not end, friction stays what the last solve found, a given force, and the proof holds
+// again.
 void BodyContactStage::hold_geometry(const StepContext& c, const std::function<void()>& solve) {
   BodyContactReport& report = contacts_.report();
   report.held = true;
@@ -168,6 +170,7 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
   x_end_.assign(c.bodies.size(), {});
+  known_.assign(c.bodies.size(), {});
   known_end_ = false;
   int missing = 0;
   for (int attempt = 0; attempt < most_attempts; ++attempt) {

@@ -54,6 +54,7 @@ class BodyContactStage {
   BodyContacts contacts_;
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
   bool known_end_ = false;                // … as an attempt before this one found
+  std::vector<std::vector<int>> known_;   // … whose compliance with one another is there
 };
 
 }  // namespace hapticd

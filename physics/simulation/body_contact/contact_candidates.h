@@ -63,8 +63,8 @@ struct SurfaceNormals {
   void follow(const Body& body);
   // (Pseudo-)normal at the feature of a face that these weights lie on; not unit on an edge.
   Vec3 feature(const Body& body, int face, const std::array<double, 3>& weight) const;
-  // Of x from a face of nodes at y, negative on its tissue's side: beyond a convex edge x is not behind the face,
-  // whatever its plane says [m].
+  // Of x from a face of nodes at y, negative on its tissue's side: beyond a convex edge x is not behind the
+  // face, whatever its plane says [m].
   double distance(const Body& body, int face, const Vec3& x, std::span<const Vec3> y) const;
   ContactFace contact_face(const Body& body, int face, const std::array<Vec3, 3>& x) const;
 };

@@ -6,8 +6,8 @@
 // overlap: a piece that turns far in a step would be left inside of what gave way to it. Here Δx is kept
 // whole, as the contact solve found it, and θ is the largest in [0, 1] that keeps the bound; v̄ is the mean of
 // a piece that nothing holds, so momentum stays, and 0 of others. Departure: where E(x⁺) alone is above the
-// bound, θ = 0 does not keep it. What is left then is strain, which the next step's implicit Euler loses. Units:
-// m, N, J. Errors: none.
+// bound, θ = 0 does not keep it. What is left then is strain, which the next step's implicit Euler loses.
+// Units: m, N, J. Errors: none.
 #pragma once
 
 #include <span>

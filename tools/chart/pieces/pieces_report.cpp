@@ -14,6 +14,7 @@ nlohmann::ordered_json to_json(const StirFigures& f) {
       {"joint", f.joint},
       {"capped", f.capped},
       {"geometry_held", f.held},
+      {"friction_held", f.friction_held},
       {"bounded", f.bounded},
       {"rounds_max", f.rounds},
       {"overlap_um_max", rounded(1e6 * f.overlap, 3)},
@@ -25,10 +26,12 @@ nlohmann::ordered_json to_json(const StirFigures& f) {
 void print(const StirFigures& f) {
   const Quantiles ms = quantiles(f.step_ms);
   std::printf(
-      "  %-10s %d steps, %d with contacts of bodies: %d capped, %d with geometry held, %d rounds at most; "
+      "  %-10s %d steps, %d with contacts of bodies: %d capped, %d with geometry held, %d with friction "
+      "held, %d rounds "
+      "at most; "
       "step ms p50 %.1f p99 %.1f; %d touches; overlap %.2f um, tunnelled %d; third law %.1e\n",
-      f.name.c_str(), f.steps, f.joint, f.capped, f.held, f.rounds, ms.p50, ms.p99, f.touches,
-      1e6 * f.overlap, f.tunnelled, f.third_law);
+      f.name.c_str(), f.steps, f.joint, f.capped, f.held, f.friction_held, f.rounds, ms.p50, ms.p99,
+      f.touches, 1e6 * f.overlap, f.tunnelled, f.third_law);
 }
 
 nlohmann::ordered_json to_json(const TissueCheck& c) {

@@ -92,6 +92,7 @@ StirFigures stir(const Scene& scene, const StirSettings& settings,
       out.joint += c.contacts > 0;
       out.capped += c.capped;
       out.held += c.held;
+      out.friction_held += c.friction_held;
       out.bounded += r.bounded_bodies > 0;
       out.rounds = std::max(out.rounds, c.rounds);
       out.touches = std::max(out.touches, c.contacts);

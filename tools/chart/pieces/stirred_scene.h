@@ -32,15 +32,16 @@ struct StirFigures {
   std::string name;
   int steps = 0;
   std::vector<double> step_ms;
-  int joint = 0;         // steps whose solve had contacts of bodies
-  int capped = 0;        // … and ended before its tolerance
-  int held = 0;          // … with geometry held in the end
-  int bounded = 0;       // … that a body's motion was held back in
-  int rounds = 0;        // the most
-  double overlap = 0;    // the deepest [m]
-  int tunnelled = 0;     // steps that left a node deeper than a tenth of an edge
-  int touches = 0;       // the most contacts in a solve
-  double third_law = 0;  // |Σ forces| / Σ |forces| of the bodies on one another
+  int joint = 0;          // steps whose solve had contacts of bodies
+  int capped = 0;         // … and ended before its tolerance
+  int held = 0;           // … with geometry held in the end
+  int friction_held = 0;  // … and friction too
+  int bounded = 0;        // … that a body's motion was held back in
+  int rounds = 0;         // the most
+  double overlap = 0;     // the deepest [m]
+  int tunnelled = 0;      // steps that left a node deeper than a tenth of an edge
+  int touches = 0;        // the most contacts in a solve
+  double third_law = 0;   // |Σ forces| / Σ |forces| of the bodies on one another
 };
 
 // after: each step, if anybody wants to look.

@@ -262,6 +262,45 @@ TEST(BodyContact, NoGhostContactsFromBehindOrInside) {
     EXPECT_LT((world.bodies()[0].state.x[n] - before[n]).norm(), 1e-15);
 }
 
+// Where a solve with friction does not end, friction is held as it was found: at a solution that changes
+// nothing, and the normal forces stay an answer of their own.
+TEST(BodyContact, FrictionHeldAtASolutionLeavesIt) {
+  constexpr double h = 0.02;
+  const Material soft{5000, 0.4, 1000, 0, 2e-3};
+  Bodies bodies;
+  bodies.emplace_back(slab("floor", Vec3(0.02, 0.02, 4e-3), {5, 5, 2}), h, Vec3::Zero());
+  bodies.emplace_back(
+      block("block", Vec3(6e-3, 6e-3, 6e-3), {3, 3, 3}, soft, {Vec3(7.1e-3, 7.2e-3, 4e-3), Quat::Identity()}),
+      h, Vec3(3, 1, -g));
+  bodies[1].compliance->update(bodies[1].state);
+  compute_free_motion(bodies[1], h);
+  finish_free_motion(bodies[1], nullptr);
+  for (const double mu : {0.1, 0.6}) {
+    BodyContacts contacts({{{1, 0, mu}}}, h);
+    contacts.find(bodies);
+    contacts.set_domains(bodies, {});
+    const auto nodes = contacts.domain_nodes(1);
+    MatX& C = contacts.compliance(1);
+    C.resize(3 * static_cast<Eigen::Index>(nodes.size()), 3 * static_cast<Eigen::Index>(nodes.size()));
+    bodies[1].compliance->patch(nodes, C);
+    contacts.set_free_motion(bodies);
+    const auto force = [&] {
+      VecX f = VecX::Zero(bodies[1].free.dx.size());
+      contacts.solve(VecX());
+      contacts.add_forces(1, f);
+      return f;
+    };
+    const VecX free = force();
+    ASSERT_EQ(contacts.report().status, SolveStatus::solved);
+    EXPECT_GT(contacts.report().active, 5);
+    EXPECT_EQ(contacts.add_violated(bodies, 1e-6), 0);
+    contacts.hold_friction(true);
+    const VecX held = force();
+    EXPECT_EQ(contacts.report().status, SolveStatus::solved);
+    EXPECT_LT((held - free).norm(), 1e-6 * free.norm()) << mu;
+  }
+}
+
 TEST(BodyContact, APairNamesTwoBodies) {
   for (const ContactPair& pair : {ContactPair{0, 0, 0}, ContactPair{0, 2, 0}, ContactPair{-1, 0, 0}})
     EXPECT_THROW(World({slab("a", Vec3(1, 1, 1), {1, 1, 1}), slab("b", Vec3(1, 1, 1), {1, 1, 1})}, ball(1e-3),

@@ -96,6 +96,25 @@ TEST(BodyContactCandidates, TheBackOfAWallIsNotSeen) {
   }
 }
 
+// By the plane of a face a point beyond its edge may be behind it; it is outside.
+TEST(BodyContactCandidates, APointBeyondAConvexEdgeIsOutside) {
+  Scene scene(block("other", Vec3(1e-3, 1e-3, 1e-3), {1, 1, 1}, soft, {Vec3(0.1, 0, 0), Quat::Identity()}),
+              block("block", Vec3(2e-3, 2e-3, 2e-3), {1, 1, 1}, soft));
+  const Body& body = scene.bodies[1];
+  const SurfaceNormals& normals = scene.finder.normals(1);
+  const auto nearest = [&](const Vec3& x) {
+    double d = 1;
+    for (int f = 0; f < static_cast<int>(body.surface.faces().size()); ++f) {
+      const double of = normals.distance(body, f, x, body.state.x);
+      if (std::abs(of) < std::abs(d)) d = of;
+    }
+    return d;
+  };
+  EXPECT_NEAR(nearest(Vec3(2.3e-3, 1e-3, 1e-3)), 0.3e-3, 1e-12);
+  EXPECT_NEAR(nearest(Vec3(1.8e-3, 1e-3, 1e-3)), -0.2e-3, 1e-12);
+  EXPECT_NEAR(nearest(Vec3(2.3e-3, 1e-3, 2.4e-3)), 0.5e-3, 1e-12);
+}
+
 TEST(BodyContactCandidates, FollowASurfaceThatIsEatenAway) {
   BodySettings lower =
       block("lower", Vec3(0.01, 0.01, 4e-3), {5, 5, 2}, soft, {Vec3(0, 0, -4e-3), Quat::Identity()});
