@@ -135,9 +135,30 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   return s.solution.status != SolveStatus::not_finite;
 }
 
+// Of the forces between instrument i and others, what those others' hands do not feel, being on their way in.
+// A hand pushed by more than it pushes back would be given energy.
+Vec6 withheld(int i, const EachInstrument<Verdict>& verdict, const ContactScratch& scratch) noexcept {
+  Vec6 sum = Vec6::Zero();
+  const ContactRows& rows = scratch.rows;
+  for (int r = 0; r < rows.contacts; ++r) {
+    const ContactRow& row = rows.row[r];
+    if (row.other < 0 || (row.instrument != i && row.other != i)) continue;
+    const bool first = row.instrument == i;
+    const double share = 1 - verdict[first ? row.other : row.instrument].gain;
+    if (share == 0) continue;
+    Vec3 force = Vec3::Zero();
+    for (int c = 0; c < rows.rows_per_contact; ++c)
+      force += (first ? -share : share) * scratch.lambda[rows.rows_per_contact * r + c] * row.frame.col(c);
+    sum.head<3>() += force;
+    sum.tail<3>() += (first ? row.arm : row.other_arm).cross(force);
+  }
+  return sum;
+}
+
 // What the tick's solve says to one device; s.unusable_for: this tick's.
-Wrench contact_wrench(const CondensedProblem& problem, int i, const DeviceSettings& device,
-                      const HapticOptions& options, HapticState& s, ForceSample& answer) noexcept {
+Wrench contact_wrench(const CondensedProblem& problem, int i, const EachInstrument<Verdict>& verdict,
+                      const DeviceSettings& device, const HapticOptions& options, HapticState& s,
+                      ForceSample& answer) noexcept {
   const ContactSolution& solution = s.solution;
   const int rows = s.scratch.rows.rows_per_contact;
   for (int r = 0; r < s.scratch.rows.contacts; ++r) {
@@ -156,8 +177,8 @@ Wrench contact_wrench(const CondensedProblem& problem, int i, const DeviceSettin
   DeviceState& d = s.device[i];
   // A poor iterate may be anything.
   if (s.unusable_for > 0) return share_held(s.unusable_for) * d.good;
-  const Wrench fresh{force_to_device(device, solution.wrench[i].head<3>()),
-                     torque_to_device(device, solution.wrench[i].tail<3>())};
+  const Vec6 felt = solution.wrench[i] - withheld(i, verdict, s.scratch);
+  const Wrench fresh{force_to_device(device, felt.head<3>()), torque_to_device(device, felt.tail<3>())};
   d.good = is_usable(solution, options) ? fresh : d.good + share_of_near * (fresh - d.good);
   return d.good;
 }
@@ -307,7 +328,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
     }
     Wrench wrench = d.rendered;
     if (render == Render::contact)
-      wrench = finite ? contact_wrench(*problem, i, device, options, s, answer[i]) : nan_wrench;
+      wrench = finite ? contact_wrench(*problem, i, verdict, device, options, s, answer[i]) : nan_wrench;
     else if (render == Render::damp)
       wrench = {-device.damping * d.watchdog.velocity, Vec3::Zero()};
     if (!is_finite(wrench)) {

@@ -144,6 +144,30 @@ TEST_P(TwoDevices, WhoIsArmedInTheTissueIsBlendedForTheOtherWhenAProblemReachesI
   EXPECT_LT(first, 0.25 * whole);
 }
 
+// Balls that overlap over the sheet: a hand that is on its way in pushes the other by no more than it feels.
+TEST_P(TwoDevices, WhoIsArmedOnTheOtherInstrumentPushesItAsFarAsItIsPushed) {
+  Hands two(0.2);
+  const double reach = 0.55 * two_devices::apart;
+  two.instruments = {sphere_instrument(reach), sphere_instrument(reach)};
+  for (DeviceSettings& d : two.devices) d.max_force = d.max_force_rate = 1e3;
+  const auto tick = [&](bool enable) {
+    two.tick([&](HapticInput& now) { now.device[b].sample.enable = enable; });
+  };
+  for (int n = 0; n < 150; ++n) tick(false);
+  ASSERT_EQ(two.force[a].force, Vec3::Zero());
+  const double whole = 100 * (2 * reach - two_devices::apart);  // both couplings in series
+  double least = 1;
+  for (int n = 0; n < 150; ++n) {
+    tick(true);
+    const Vec3 f = two.force[a].force;
+    least = std::min(least, f.norm() / whole);
+    EXPECT_LT((f + two.force[b].force).norm(), 1e-12 + 1e-9 * f.norm()) << n;
+  }
+  EXPECT_LT(least, 0.1);
+  EXPECT_EQ(two.force[b].status, 0u);
+  EXPECT_NEAR(two.force[a].force.norm(), whole, 0.01 * whole);
+}
+
 TEST_P(TwoDevices, ALatchedOneIsReleasedWithinItsOwnLimitAndIsOutOfTheContact) {
   others(3, [](DeviceInput& d) { d.sample.pose.p.x() = std::nan(""); });
   EXPECT_TRUE(hands.force[b].status & status_latched);
