@@ -20,7 +20,7 @@ const std::vector<std::string> part_names = {"scenes", "theory", "solvers", "hap
 
 struct PiecesOptions {
   std::vector<std::string> only;
-  std::vector<std::string> scenes = {"fragment/fragment", "fragment/both_ways", "quadrants/quadrants"};
+  std::vector<std::string> scenes = {"fragment/fragment", "fragment/one_way", "quadrants/quadrants"};
   int steps = 20000;
   unsigned seed = 1;
   bool quick = false;

@@ -11,7 +11,7 @@ namespace hapticd {
 namespace {
 
 TEST(PieceSolvers, TakenProblemsAreSolvedByWhatTheStepApplied) {
-  const Scene scene = read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/fragment/both_ways.yaml");
+  const Scene scene = read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/fragment/fragment.yaml");
   PieceSolverSettings settings;
   settings.steps = 120;
   settings.problems = 6;

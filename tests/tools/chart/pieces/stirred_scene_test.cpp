@@ -30,7 +30,7 @@ TEST(PieceOverlap, IsTheDepthOfTheDeepestNode) {
 }
 
 TEST(ChartPieces, EveryJointSolveOfTheStirredFragmentEnds) {
-  const Scene scene = read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/fragment/both_ways.yaml");
+  const Scene scene = read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/fragment/fragment.yaml");
   StirSettings settings;
   settings.steps = 150;
   const StirFigures f = stir(scene, settings, {});
