@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 
 #include "physics/simulation/body_contact/body_contact.h"
 
@@ -21,15 +20,12 @@ double fastest(const Body& body) {
   return std::sqrt(square);
 }
 
-// Of a point before a triangle's plane [m].
-double height_at(const Vec3& x, std::span<const Vec3> y, const Triangle& t) {
-  return (y[t[1]] - y[t[0]]).cross(y[t[2]] - y[t[0]]).stableNormalized().dot(x - y[t[0]]);
-}
-
 // Of the node before the face's plane when the step began [m].
 double height_at_start(const Bodies& bodies, const ContactPair& p, int node, int face) {
-  return height_at(bodies[p.points].state.x[node], bodies[p.faces].state.x,
-                   bodies[p.faces].surface.faces()[face].nodes);
+  const std::vector<Vec3>& y = bodies[p.faces].state.x;
+  const Triangle& t = bodies[p.faces].surface.faces()[face].nodes;
+  const Vec3 normal = (y[t[1]] - y[t[0]]).cross(y[t[2]] - y[t[0]]).stableNormalized();
+  return normal.dot(bodies[p.points].state.x[node] - y[t[0]]);
 }
 
 }  // namespace
