@@ -11,6 +11,7 @@
 #pragma once
 
 #include <span>
+
 #include "physics/simulation/body.h"
 
 namespace hapticd {
