@@ -56,9 +56,9 @@ std::vector<int> process_cores() {
   return cores.empty() ? std::vector<int>{0} : cores;
 }
 
-bool realtime_allowed() {
+bool realtime_allowed(int priority) {
   int error = 0;
-  std::thread([&error] { error = set_fifo(haptic_priority); }).join();
+  std::thread([&error, priority] { error = set_fifo(priority); }).join();
   return error == 0;
 }
 

@@ -26,7 +26,7 @@ inline constexpr int haptic_priority = 80;
 inline constexpr int dds_priority = 45;
 
 // Whether this process may use SCHED_FIFO up to that priority, tried on a thread that ends at once.
-bool realtime_allowed();
+bool realtime_allowed(int priority = haptic_priority);
 
 // Process-wide: malloc keeps its pages (M_MMAP_THRESHOLD, M_TRIM_THRESHOLD 1 GiB: page faults cost a
 // third of a factorisation); mlockall of present and future pages.

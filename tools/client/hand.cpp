@@ -189,7 +189,7 @@ int hand(HandOptions& options, const CLI::App& app) {
     });
   }
   Session session(options.session, slots[0]);
-  run(session, sources[0], "hand");
+  run(session, options.session, sources[0], "hand");
   report_hand(options, sources[0], duration[0], json, table);
   report(session, options.session, json, table);
   return finish(session, options.session, json, table);

@@ -17,8 +17,8 @@ namespace {
 std::vector<HeardInstrument> first_of(std::vector<HeardInstrument> all, std::size_t count,
                                       const std::string& whose) {
   if (all.size() < count)
-    throw UsageError(whose + " has " + std::to_string(all.size()) + " instrument" + (all.size() == 1 ? "" : "s") +
-                     ": name the devices with --device-id ID,ID");
+    throw UsageError(whose + " has " + std::to_string(all.size()) + " instrument" +
+                     (all.size() == 1 ? "" : "s") + ": name the devices with --device-id ID,ID");
   all.resize(count);
   return all;
 }
@@ -33,11 +33,11 @@ std::vector<HeardInstrument> devices_of(const SessionOptions& options, const Par
   if (!instruments.empty()) return first_of(std::move(instruments), count, "the scene");
   InstrumentList list(participant);
   if (!list.await(options.client.match_timeout))
-    throw std::runtime_error("no daemon told its instruments in " +
-                             dds_place(options.client.domain, default_dds_profile_name()) + " within " +
-                             std::to_string(static_cast<int>(options.client.match_timeout)) +
-                             " s: start one with `hapticd SCENE.yaml --domain " +
-                             std::to_string(options.client.domain) + "`, or name the devices with --device-id");
+    throw std::runtime_error(
+        "no daemon told its instruments in " + dds_place(options.client.domain, default_dds_profile_name()) +
+        " within " + std::to_string(static_cast<int>(options.client.match_timeout)) +
+        " s: start one with `hapticd SCENE.yaml --domain " + std::to_string(options.client.domain) +
+        "`, or name the devices with --device-id");
   return first_of(list.all(), count, "the daemon's scene");
 }
 
@@ -97,10 +97,7 @@ void JointSession::run(const std::vector<SlotSource*>& sources, const std::vecto
   };
   Progress progress(what);
   const auto all = static_cast<double>(slots[0]);
-  std::vector<std::thread> others;
-  for (std::size_t i = 1; i < count(); ++i)
-    others.emplace_back([&, i] { guarded(i, [&, i](std::int64_t) { played_[i].monitor.poll(); }); });
-  guarded(0, [&](std::int64_t reached) {
+  const auto first = [&](std::int64_t reached) {
     played_[0].monitor.poll();
     std::string forces;
     for (const Device& d : played_) forces += fixed(d.client.newest_force(), 3) + " N, ";
@@ -109,8 +106,14 @@ void JointSession::run(const std::vector<SlotSource*>& sources, const std::vecto
     else
       progress.show(static_cast<double>(reached + 1) / all,
                     forces + std::to_string(played_[0].monitor.newest().elements_removed) + " removed");
+  };
+  machine_ = while_watching(options_, [&] {
+    std::vector<std::thread> others;
+    for (std::size_t i = 1; i < count(); ++i)
+      others.emplace_back([&, i] { guarded(i, [&, i](std::int64_t) { played_[i].monitor.poll(); }); });
+    guarded(0, first);
+    for (std::thread& t : others) t.join();
   });
-  for (std::thread& t : others) t.join();
   if (failure) std::rethrow_exception(failure);
   for (const Device& d : played_)
     if (const Grant& grant = d.client.grant(); !grant.granted)
@@ -127,7 +130,7 @@ int JointSession::finish(nlohmann::ordered_json& json, Table& table,
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   std::vector<std::string> faults;
   for (std::size_t i = 0; i < count(); ++i) {
-    const Played played(played_[i].monitor, played_[i].client);
+    const Played played(played_[i].monitor, played_[i].client, machine_);
     const std::int64_t begun = played.client.book().plan().t0_ns;
     first = std::min(first, begun);
     last = std::max(last, begun);
@@ -147,7 +150,7 @@ int JointSession::finish(nlohmann::ordered_json& json, Table& table,
   if (!options_.forces.empty()) {
     const std::vector<std::filesystem::path> files = one_file_each(options_.forces, names());
     for (std::size_t i = 0; i < count(); ++i)
-      write_file(files[i].string(), forces_csv({played_[i].monitor, played_[i].client}));
+      write_file(files[i].string(), forces_csv({played_[i].monitor, played_[i].client, machine_}));
   }
   if (!options_.snapshots.empty()) played_[0].monitor.write_surfaces(options_.snapshots);
   print(table);

@@ -56,6 +56,7 @@ class JointSession {
   std::vector<HeardInstrument> devices_;
   CommonStart start_;
   std::deque<Device> played_;
+  std::optional<WatchedMachine> machine_;  // after `run`, where it was asked for
 };
 
 }  // namespace hapticd

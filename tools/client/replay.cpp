@@ -241,7 +241,7 @@ int replay(ReplayOptions& options) {
   Table table;
   describe(file, trajectory, options.speed, duration, json, table);
   Session session(options.session, source.slots());
-  run(session, source, "replay");
+  run(session, options.session, source, "replay");
   report(session, options.session, json, table);
   return finish(session, options.session, json, table);
 }

@@ -31,6 +31,12 @@ double share(std::int64_t part, std::int64_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
+// Of the slots that no stall of the machine strikes.
+double answered_between_stalls(const SlotBook& book, const Stalls& stalls) {
+  const SlotCount between = between_stalls(book, stalls);
+  return share(between.answered, between.scheduled);
+}
+
 }  // namespace
 
 void add_session_options(CLI::App& command, SessionOptions& options) {
@@ -59,6 +65,10 @@ void add_session_options(CLI::App& command, SessionOptions& options) {
   command.add_option("--min-answered", options.min_answered, "share of slots below which the run has failed")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
+  command.add_flag(
+      "--watch-machine", options.watch_machine,
+      "note when the machine itself stands still, by a bare timer thread on every core, and judge "
+      "the answers without the slots that such a stall strikes");
   command.add_option("--arm-wait", options.client.arm_timeout, "how long to wait for its force [s]")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
@@ -106,11 +116,22 @@ Session::Session(const SessionOptions& options, std::int64_t slots)
       monitor(participant, options.client.device_id),
       client(participant, options.client, slots) {}
 
-void run(Session& session, SlotSource& source, const std::string& what) {
+std::optional<WatchedMachine> while_watching(const SessionOptions& options,
+                                             const std::function<void()>& play) {
+  if (!options.watch_machine) {
+    play();
+    return std::nullopt;
+  }
+  StallWatch watch;
+  play();
+  return watch.stop();
+}
+
+void run(Session& session, const SessionOptions& options, SlotSource& source, const std::string& what) {
   Progress progress(what);
   const auto slots = static_cast<double>(session.client.book().scheduled());
   bool announced = false;
-  session.client.run(source, [&](std::int64_t reached) {
+  const auto poll = [&](std::int64_t reached) {
     session.monitor.poll();
     if (reached < 0) {
       progress.show(0, "arming");
@@ -122,7 +143,8 @@ void run(Session& session, SlotSource& source, const std::string& what) {
     progress.show(static_cast<double>(reached + 1) / slots,
                   fixed(session.client.newest_force(), 3) + " N, " +
                       std::to_string(session.monitor.newest().elements_removed) + " removed");
-  });
+  };
+  session.machine = while_watching(options, [&] { session.client.run(source, poll); });
   for (int i = 0; i < 15; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     session.monitor.poll();
@@ -158,6 +180,10 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   json["slots_sent"] = book.sent();
   json["slots_answered"] = book.answered();
   json["answered_share"] = rounded(answered, 5);
+  if (played.machine) {
+    json["machine_stalls"] = to_json(*played.machine);
+    json["answered_between_stalls"] = rounded(answered_between_stalls(book, played.machine->stalls), 5);
+  }
   json["answers_repeated"] = book.repeats();
   json["rtt_us"] = to_json(round_trip);
   json["rtt_from_intended_us"] = to_json(quantiles(book.intended_round_trip_us()));
@@ -181,6 +207,11 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   table.emplace_back("slots scheduled / sent / answered",
                      std::to_string(book.scheduled()) + " / " + std::to_string(book.sent()) + " / " +
                          std::to_string(book.answered()) + "  (" + fixed(100 * answered, 2) + " % answered)");
+  if (played.machine)
+    table.emplace_back("the machine stood still",
+                       to_text(*played.machine) + "; " +
+                           fixed(100 * answered_between_stalls(book, played.machine->stalls), 2) +
+                           " % answered between");
   table.emplace_back("round trip", to_text(round_trip, "µs"));
   table.emplace_back("sent late by", to_text(late, "µs"));
   table.emplace_back("state age at the tick", to_text(quantiles(age), "µs"));
@@ -220,12 +251,15 @@ std::string forces_csv(const Played& played) {
 std::string fault_of(const Played& played, const SessionOptions& options) {
   const DeviceClient& client = played.client;
   if (client.second_daemon())
-    return "two daemons, or one and somebody who plays one, serve device " + std::to_string(client.device_id()) +
-           " in domain " + std::to_string(options.client.domain) + ": stop one of the two";
+    return "two daemons, or one and somebody who plays one, serve device " +
+           std::to_string(client.device_id()) + " in domain " + std::to_string(options.client.domain) +
+           ": stop one of the two";
   if (!client.complete()) return "interrupted before the end";
-  const double answered = share(client.book().answered(), client.book().scheduled());
+  const double answered = played.machine ? answered_between_stalls(client.book(), played.machine->stalls)
+                                         : share(client.book().answered(), client.book().scheduled());
   if (answered >= options.min_answered) return "";
-  return "only " + fixed(100 * answered, 1) + " % of the slots were answered, " +
+  return "only " + fixed(100 * answered, 1) + " % of the slots " +
+         (played.machine ? "that no stall of the machine struck " : "") + "were answered, " +
          fixed(100 * options.min_answered, 1) + " % are asked for";
 }
 

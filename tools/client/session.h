@@ -2,12 +2,15 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
+#include <optional>
 #include <string>
 
 #include "server/record/trajectory_reader.h"
 #include "tools/cli/report.h"
 #include "tools/client/client.h"
 #include "tools/client/monitor.h"
+#include "tools/client/stall_watch.h"
 
 namespace hapticd {
 
@@ -20,6 +23,7 @@ struct SessionOptions {
   std::string snapshots;  // directory; empty: none
   bool force = false;     // write over files
   double min_answered = 0.9;
+  bool watch_machine = false;          // the slots that a stall of the machine strikes are judged apart
   std::vector<std::uint32_t> devices;  // as named by --device-id; none: not named
 };
 
@@ -40,6 +44,7 @@ struct Session {
   Participant participant;
   Monitor monitor;
   DeviceClient client;
+  std::optional<WatchedMachine> machine;  // after `run`, where it was asked for
 
   Session(const SessionOptions& options, std::int64_t slots);
 };
@@ -48,13 +53,19 @@ struct Session {
 struct Played {
   const Monitor& monitor;
   const DeviceClient& client;
+  const std::optional<WatchedMachine>& machine;
 
-  Played(const Monitor& m, const DeviceClient& c) : monitor(m), client(c) {}
-  Played(const Session& s) : Played(s.monitor, s.client) {}  // NOLINT: the usual case is one
+  Played(const Monitor& m, const DeviceClient& c, const std::optional<WatchedMachine>& w)
+      : monitor(m), client(c), machine(w) {}
+  Played(const Session& s) : Played(s.monitor, s.client, s.machine) {}  // NOLINT: the usual case is one
 };
 
 // Runs the source to its end with progress on a terminal, then waits for the last states of the scene.
-void run(Session& session, SlotSource& source, const std::string& what);
+void run(Session& session, const SessionOptions& options, SlotSource& source, const std::string& what);
+
+// What `play` does, with the machine watched meanwhile where that is asked for.
+std::optional<WatchedMachine> while_watching(const SessionOptions& options,
+                                             const std::function<void()>& play);
 
 // The figures of the run.
 void report(const Played& played, const SessionOptions& options, nlohmann::ordered_json& json, Table& table);

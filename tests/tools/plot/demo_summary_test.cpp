@@ -19,6 +19,8 @@ json good_daemon() {
   return {{"scene", "x"},
           {"haptic_rate_hz", 999.9},
           {"haptic_deadline_misses", 2},
+          {"slots_scheduled", 1000},
+          {"slots_sent", 999},
           {"sim_rate_hz", 49.9},
           {"sim_step_ms", quantile(8)},
           {"solve_us", quantile(50)},
@@ -28,9 +30,18 @@ json good_daemon() {
           {"penetration_max_um", 30}};
 }
 json good_replay() {
-  return {{"force_peak_n", 0.5},   {"slots_scheduled", 1000},    {"slots_sent", 999},
-          {"slots_answered", 995}, {"rtt_us", quantile(700)},    {"state_age_us", quantile(500)},
-          {"contact_share", 0.6},  {"status_seen_text", "none"}, {"duration_s", 1}};
+  return {{"force_peak_n", 0.5},
+          {"slots_scheduled", 1000},
+          {"slots_sent", 999},
+          {"slots_answered", 995},
+          {"answered_between_stalls", 0.995},
+          {"machine_stalls",
+           {{"watched", true}, {"count", 0}, {"total_ms", 0}, {"longest_ms", 0}, {"last_core_ms", 0}}},
+          {"rtt_us", quantile(700)},
+          {"state_age_us", quantile(500)},
+          {"contact_share", 0.6},
+          {"status_seen_text", "none"},
+          {"duration_s", 1}};
 }
 
 struct Verdict {
@@ -53,7 +64,8 @@ TEST(DemoSummary, HasEveryFigureThatIsAskedFor) {
   EXPECT_EQ(v.result.code, 0) << v.result.output;
   for (const char* key :
        {"haptic_rate_hz", "haptic_deadline_misses", "sim_rate_hz", "elements_removed", "fragments_aspirated",
-        "force_peak_n", "penetration_max_um", "slots_scheduled", "slots_sent", "slots_answered"})
+        "force_peak_n", "penetration_max_um", "slots_scheduled", "slots_sent", "slots_answered",
+        "haptic_rate_between_stalls_hz", "answered_between_stalls"})
     EXPECT_TRUE(v.summary[key].is_number()) << key;
   for (const char* key : {"p50", "p99", "max"}) EXPECT_TRUE(v.summary["sim_step_ms"][key].is_number());
   for (const char* key : {"p50", "p99", "p99_9", "max"}) {
@@ -69,15 +81,39 @@ TEST(DemoSummary, NamesEachFigureThatFails) {
     EXPECT_NE(v.result.output.find(std::string("demo: ") + figure + " is "), std::string::npos)
         << v.result.output;
   };
-  for (const auto& [key, bad] : {std::pair("haptic_rate_hz", 998.9), std::pair("sim_rate_hz", 48.9),
-                                 std::pair("elements_removed", 49.0)}) {
+  for (const auto& [key, bad] : {std::pair("sim_rate_hz", 48.9), std::pair("elements_removed", 49.0)}) {
     json daemon = good_daemon();
     daemon[key] = bad;
     expect_named(judge(daemon, good_replay()), key);
   }
+  json daemon = good_daemon();
+  daemon["slots_sent"] = 998;
+  expect_named(judge(daemon, good_replay()), "haptic_rate_between_stalls_hz");
   json replay = good_replay();
-  replay["slots_answered"] = 989;
-  expect_named(judge(good_daemon(), replay), "slots_answered");
+  replay["answered_between_stalls"] = 0.989;
+  expect_named(judge(good_daemon(), replay), "answered_between_stalls");
+}
+
+// 30 of 1000 ticks are lost and the machine stood still for 29.5 ms: no fault of the program. Had its haptic
+// core stood still for 10 ms, 20 ticks would be.
+TEST(DemoSummary, WhatAStallOfTheMachineTookIsNotTheProgramsFault) {
+  json daemon = good_daemon(), replay = good_replay();
+  daemon["slots_sent"] = 970;
+  daemon["haptic_rate_hz"] = 970;
+  replay["machine_stalls"] = {
+      {"watched", true}, {"count", 3}, {"total_ms", 29.5}, {"longest_ms", 20}, {"last_core_ms", 29.5}};
+  const Verdict excused = judge(daemon, replay);
+  EXPECT_EQ(excused.result.code, 0) << excused.result.output;
+  EXPECT_NE(excused.result.output.find("the machine itself stood still 3 times"), std::string::npos);
+  EXPECT_NEAR(excused.summary["haptic_rate_between_stalls_hz"], 999.485, 1e-3);
+  EXPECT_EQ(excused.summary["haptic_rate_hz"], 970);
+  replay["machine_stalls"]["last_core_ms"] = 10;
+  EXPECT_EQ(judge(daemon, replay).result.code, 1);
+  // And one that stands still most of the time is no place to judge on.
+  replay["machine_stalls"]["last_core_ms"] = replay["machine_stalls"]["total_ms"] = 60;
+  const Verdict unfit = judge(daemon, replay);
+  EXPECT_EQ(unfit.result.code, 1);
+  EXPECT_NE(unfit.result.output.find("judge it on a quieter one"), std::string::npos) << unfit.result.output;
 }
 
 TEST(DemoSummary, AMissingFigureIsAnInputError) {
