@@ -2,6 +2,7 @@
 //
 //   p_scene = origin + q_frame (position_scale · p_device),   q_scene = q_frame q_device q_tool
 //   f_device = force_scale · q_frameᵀ f_scene,   τ_device = (force_scale / position_scale) · q_frameᵀ τ_scene
+// and, with a pivot, the shaft turned about its tip so that it passes through that point (pivot.h).
 //
 // Both parts of the wrench then do work in the same ratio, force_scale / position_scale.
 // Units: m, N, N·m, ns (CLOCK_MONOTONIC of the daemon unless said otherwise). The device frame is the
@@ -10,7 +11,9 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
+#include "haptic/pivot.h"
 #include "physics/types.h"
 
 namespace hapticd {
@@ -42,6 +45,7 @@ struct InstrumentInput {
   std::uint32_t buttons = 0;  // 0 when not present
   std::int64_t received_ns = 0;
   std::uint64_t sequence = 0;  // of the device state
+  double vacuum = 0;           // of the instrument's pump [Pa]
 };
 
 // Bits of a force message; 0 is: armed, all well.
@@ -103,17 +107,25 @@ struct DeviceSettings {
   Vec3 origin = Vec3::Zero();     // scene point of the device's origin [m]
   Quat frame = Quat::Identity();  // device axes → scene axes
   Quat tool = Quat::Identity();   // instrument axes in the stylus frame
+  std::optional<Pivot> pivot;     // through which the shaft passes, whatever the stylus says
 };
 
-// Device pose to instrument pose in the scene, and a scene wrench back to the device.
-inline Pose to_scene(const DeviceSettings& d, const Pose& device) noexcept {
+// Device pose to instrument pose in the scene, and a scene wrench (about the tip) back to the device.
+inline Pose stylus_in_scene(const DeviceSettings& d, const Pose& device) noexcept {
   return {d.origin + d.frame * (d.position_scale * device.p), (d.frame * device.q * d.tool).normalized()};
 }
-inline Vec3 torque_to_device(const DeviceSettings& d, const Vec3& scene) noexcept {
-  return d.force_scale / d.position_scale * (d.frame.conjugate() * scene);
+inline Pose to_scene(const DeviceSettings& d, const Pose& device) noexcept {
+  const Pose stylus = stylus_in_scene(d, device);
+  return d.pivot ? through_pivot(*d.pivot, stylus) : stylus;
 }
-inline Vec3 force_to_device(const DeviceSettings& d, const Vec3& scene) noexcept {
-  return d.force_scale * (d.frame.conjugate() * scene);
+struct Wrench {
+  Vec3 force = Vec3::Zero();   // [N]
+  Vec3 torque = Vec3::Zero();  // [N·m]
+};
+inline Wrench wrench_on_device(const DeviceSettings& d, const Pose& device, const Vec6& scene) noexcept {
+  const Vec6 on = d.pivot ? on_stylus(*d.pivot, stylus_in_scene(d, device), scene) : scene;
+  return {d.force_scale * (d.frame.conjugate() * on.head<3>()),
+          d.force_scale / d.position_scale * (d.frame.conjugate() * on.tail<3>())};
 }
 
 }  // namespace hapticd

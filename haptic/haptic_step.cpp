@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "haptic/problem_check.h"
+#include "physics/contact/suction.h"
 
 namespace hapticd {
 namespace {
@@ -80,6 +81,20 @@ bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept 
 
 const Wrench nan_wrench{Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), Vec3::Zero()};
 
+// What the pumps draw with, in the tick's problem, by where the last solve left patch and tips.
+void draw(Instruments instruments, const InstrumentPoses& X, double period, HapticState& s) noexcept {
+  const InstrumentPoses next = start_coupling(s.patch.problem, X, period, s.contact.coupling_offset).X_start;
+  InstrumentPoses from = next;
+  for (int i = 0; i < instruments.count(); ++i)
+    if (s.placed.present[i]) from[i] = s.placed[i];
+  std::copy_n(s.patch.before.begin(), s.patch.problem.nodes, s.patch.problem.x_now.begin());
+  EachInstrument<double> vacuum;
+  for (int i = 0; i < instruments.count(); ++i) vacuum[i] = s.device[i].vacuum;
+  const EachInstrument<double> occlusion =
+      apply_suction(instruments, from, next, s.patch.before, vacuum, s.patch.problem);
+  for (int i = 0; i < instruments.count(); ++i) s.device[i].occlusion = occlusion[i];
+}
+
 // The last problem pressed on for the first `part` of this tick, as far as the instruments then were on their
 // way to X. False where nothing is remembered.
 bool solve_until_publication(double part, double period, const InstrumentPoses& X, Instruments instruments,
@@ -90,6 +105,7 @@ bool solve_until_publication(double part, double period, const InstrumentPoses& 
     contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 2);
   const InstrumentPoses from = on_the_way_from(s.X, X),
                         there = displaced(from, difference(X, from), part / period);
+  if (any_port(instruments)) draw(instruments, there, part, s);
   const ContactSolution solution =
       solve_contact(*before, instruments, there, part, contact, s.contact, s.scratch);
   if (solution.status == SolveStatus::solved || solution.residual <= contact.usable_residual)
@@ -117,8 +133,11 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
     contact.activation_distance = std::clamp(options.ticks_ahead * longest(difference(X, s.X)),
                                              least_of_margin * contact.margin, contact.margin);
   s.X = X;
+  ViscousOptions viscous = options.viscous;
+  viscous.always = any_port(instruments);
   const CondensedProblem& now =
-      at_tick(problem, options.viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
+      at_tick(problem, viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
+  if (&now == &s.patch.problem && any_port(instruments)) draw(instruments, X, T, s);
   // A problem that an instrument has outrun is met where it was made, and on the way from there.
   if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
     InstrumentPoses from = X;
@@ -132,6 +151,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   }
   s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
   s.solved = true;
+  s.placed = is_usable(s.solution, options) ? s.solution.instrument : InstrumentPoses();
   return s.solution.status != SolveStatus::not_finite;
 }
 
@@ -178,7 +198,7 @@ Wrench contact_wrench(const CondensedProblem& problem, int i, const EachInstrume
   // A poor iterate may be anything.
   if (s.unusable_for > 0) return share_held(s.unusable_for) * d.good;
   const Vec6 felt = solution.wrench[i] - withheld(i, verdict, s.scratch);
-  const Wrench fresh{force_to_device(device, felt.head<3>()), torque_to_device(device, felt.tail<3>())};
+  const Wrench fresh = wrench_on_device(device, d.watchdog.sample.pose, felt);
   d.good = is_usable(solution, options) ? fresh : d.good + share_of_near * (fresh - d.good);
   return d.good;
 }
@@ -199,6 +219,7 @@ void forget_contact(HapticState& s) noexcept {
   s.contact.memory.count = 0;
   s.contact.coupling_offset = {};
   s.contact.frozen_step = 0;
+  s.placed = {};
   s.patch.step = 0;
   s.unusable_for = 0;
 }
@@ -294,6 +315,13 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
     d.present = X.present[i];
     contact = contact || render == Render::contact;
     ramping_up = ramping_up || verdict[i].status & status_ramping_up;
+  }
+
+  for (int i = 0; i < count; ++i) {
+    DeviceState& d = s.device[i];
+    const bool on = X.present[i] && (d.watchdog.sample.buttons & pedal_aspiration) != 0;
+    d.vacuum = pumped(instruments[i].port, d.vacuum, d.occlusion, on, period);
+    d.occlusion = 0;  // until a solve says more
   }
 
   // compute

@@ -2,13 +2,13 @@
 //
 //   δ_free(X) → λ → wrench_i = J_iᵀλ → device axes and scale → blend → gain → limits → force
 //
-// One contact solve for all devices of a world; all else is each device's own: watchdog, scales, ramp, limits,
-// latch. It reads in this order: read, compute, filter, limit, check finite, answer. Every path to an answer
-// goes through the limits or is exactly zero. An instrument whose device is not trusted in this tick has no rows;
-// one whose device is silent for less than 10 ms, its force held, stays where it was. Who comes or goes is
-// blended for the others. The loop fills in wake_ns and solve_ns of the answers, because there is no clock here.
-// Units: m, N, N·m, ns; answers are in the device's frame.
-// Guarantee: noexcept, no allocation, wait-free, bounded by the contact solve's bound.
+// One contact solve for all devices of a world; all else is each device's own: watchdog, scales, ramp,
+// limits, latch. It reads in this order: read, compute, filter, limit, check finite, answer. Every path to an
+// answer goes through the limits or is exactly zero. An instrument whose device is not trusted in this tick
+// has no rows; one whose device is silent for less than 10 ms, its force held, stays where it was. Who comes
+// or goes is blended for the others. The loop fills in wake_ns and solve_ns of the answers, because there is
+// no clock here. Units: m, N, N·m, ns; answers are in the device's frame. Guarantee: noexcept, no allocation,
+// wait-free, bounded by the contact solve's bound.
 #pragma once
 
 #include "haptic/limits.h"
@@ -59,6 +59,8 @@ struct DeviceState {
   Wrench sent;                     // of the previous tick
   Vec3 controlled = Vec3::Zero();  // … the passivity controller's part of it, before the limits
   Wrench good;                     // of the last usable contact solve, as rendered
+  double vacuum = 0;               // of its instrument's pump [Pa] …
+  double occlusion = 0;            // … and how far its port was covered
 };
 
 // About 5 MB of scratch: keep it on the heap, made before the loop starts.
@@ -73,6 +75,7 @@ struct HapticState {
   std::uint64_t step = 0;        // newest simulation step rendered
   std::uint64_t sound_step = 0;  // newest problem looked at and found sound
   InstrumentPoses X;             // of those in contact, in the last contact solve
+  InstrumentPoses placed;        // where the last usable solve put them
   bool solved = false;           // this tick ran the contact solve …
   ContactSolution solution;      // … and this came out, in the scene
 

@@ -27,9 +27,11 @@ EachInstrument<ForceSample> HapticTick::run(const HapticInput& input) noexcept {
 InstrumentInput HapticTick::instrument(int i, std::int64_t now_ns) const noexcept {
   const DeviceState& d = state_->device[i];
   InstrumentInput in = instrument_input(device(i), options_.watchdog, d.watchdog, now_ns);
+  in.vacuum = in.present ? d.vacuum : 0;
   if (device_count() > 1 && d.render == Render::zero) {
     in.present = false;
     in.buttons = 0;
+    in.vacuum = 0;
   }
   return in;
 }

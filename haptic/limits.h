@@ -13,11 +13,6 @@
 
 namespace hapticd {
 
-struct Wrench {
-  Vec3 force = Vec3::Zero();   // [N]
-  Vec3 torque = Vec3::Zero();  // [N·m]
-};
-
 inline Wrench operator+(const Wrench& a, const Wrench& b) noexcept {
   return {a.force + b.force, a.torque + b.torque};
 }

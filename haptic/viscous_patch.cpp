@@ -75,11 +75,12 @@ double lag_for(double quantum, double stiffness, double relaxation, double perio
 
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept {
-  if (options.step <= 0 || published.renewal == Renewal::frozen) return published;
+  if ((options.step <= 0 && !options.always) || published.renewal == Renewal::frozen) return published;
   patch.lag = options.lag;
   if (patch.step == 0 || patch.step != published.step) {
-    std::array<double, max_patch_nodes> relaxation;
-    if (!find_relaxation(published, options, relaxation)) {
+    std::array<double, max_patch_nodes> relaxation{};
+    const bool viscous = options.step > 0 && find_relaxation(published, options, relaxation);
+    if (!viscous && !options.always) {
       patch.step = 0;
       return published;
     }
@@ -91,9 +92,9 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     patch.before = before;
     patch.relaxation = relaxation;
     patch.step = published.step;
-    patch.period = options.step;
+    patch.period = options.step > 0 ? options.step : period;
     for (int n = 0; n < published.nodes; ++n) {
-      const double by_step = relaxation[n] / options.step;
+      const double by_step = relaxation[n] / patch.period;
       patch.equilibrium[n] = (1 + by_step) * published.x_free[n] - by_step * published.x_now[n];
     }
   }

@@ -25,6 +25,7 @@ struct ViscousOptions {
   double step = 0;                      // h of the simulation [s]; 0: the problem is used as published
   std::array<double, 16> relaxation{};  // β per body, 0 where it has none [s]
   double lag = 0;                       // a [s]
+  bool always = false;  // a problem of its own also where nothing is viscous: x_free is changed
 };
 
 // The lag of a device whose encoders know positions to `quantum` [m] and that displays the coupling as
@@ -44,7 +45,8 @@ struct ViscousPatch {
   std::array<double, max_patch_nodes> relaxation;
 };
 
-// The problem to be solved in this tick; `published` itself where nothing is viscous or rows are frozen.
+// The problem to be solved in this tick, patch.problem; `published` itself where rows are frozen, or nothing
+// is viscous and it need not be another.
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept;
 

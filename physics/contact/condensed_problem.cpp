@@ -18,6 +18,7 @@ void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept {
   to.dropped_samples = from.dropped_samples;
   std::copy_n(from.x_free.begin(), from.nodes, to.x_free.begin());
   std::copy_n(from.x_now.begin(), from.nodes, to.x_now.begin());
+  std::copy_n(from.pull.begin(), from.nodes, to.pull.begin());
   std::copy_n(from.sample.begin(), from.samples, to.sample.begin());
   std::copy_n(from.edge.begin(), from.edges, to.edge.begin());
   std::copy_n(from.C_pp.begin(), 9 * from.nodes * from.nodes, to.C_pp.begin());

@@ -56,6 +56,9 @@ struct VirtualCoupling {
 struct InstrumentReference {
   Pose X_ref;  // the patch was gathered (and rows frozen) at
   VirtualCoupling coupling;
+  Vec6 load = Vec6::Zero();  // a wrench on it beside contact's: of suction, about its origin
+  Vec6 way =
+      Vec6::Zero();  // … and how it moves from where x_now was, if it has one: what it holds goes with it
 };
 
 struct CondensedProblem {
@@ -73,7 +76,8 @@ struct CondensedProblem {
   int dropped_samples = 0;                   // did not fit max_patch_samples (nearest are kept)
   std::array<Vec3, max_patch_nodes> x_free;  // [m]
   std::array<Vec3, max_patch_nodes>
-      x_now;  // at the begin of the step, or where an interim problem begins [m]
+      x_now;                               // at the begin of the step, or where an interim problem begins [m]
+  std::array<Vec3, max_patch_nodes> pull;  // of suction, in x_free [N]
   std::array<PatchSample, max_patch_samples> sample;                            // sorted by id
   std::array<EdgeSample, max_edge_samples> edge;                                // sorted by id
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
@@ -81,6 +85,13 @@ struct CondensedProblem {
   Eigen::Map<const MatX> C() const noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
   Eigen::Map<MatX> C() noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
 };
+
+// Whether suction loads an instrument.
+inline bool is_pulled(const CondensedProblem& problem) noexcept {
+  for (const InstrumentReference& of : problem.instrument.value)
+    if (!of.load.isZero(0)) return true;
+  return false;
+}
 
 // The parts of a problem that are in use.
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept;

@@ -27,9 +27,10 @@
 namespace hapticd {
 namespace {
 
-constexpr int most_returns = 3;      // to a linearisation whose solve let tissue through
-constexpr int solves_resumed = 200;  // after one that ended unusable
-constexpr double doubtful = 0.01;    // of the usable residual: Newton's sum of forces is not to be trusted
+constexpr double most_pulled_off = 0.1;  // alarm distances
+constexpr int most_returns = 3;          // to a linearisation whose solve let tissue through
+constexpr int solves_resumed = 200;      // after one that ended unusable
+constexpr double doubtful = 0.01;  // of the usable residual: Newton's sum of forces is not to be trusted
 constexpr int first_turns =
     3;  // of a resumed solve, of normal forces and sweeps; more would leave Newton no time
 constexpr int most_turns = 8;      // where the whole solver has not ended
@@ -265,11 +266,34 @@ void solve_frozen(const CondensedProblem& problem, Instruments instruments, cons
     });
 }
 
+// Where the first linearisation is. Forces of the last solve against a pull of suction are a small difference
+// of large ones, and a loose piece is carried off by what rounding leaves: where that says much, it goes with
+// who holds it.
+void start_patch(const CondensedProblem& problem, const InstrumentPoses& X, const ContactMemory& memory,
+                 PatchPositions& x) noexcept {
+  displaced_patch(problem, memory, x);
+  for (int i = 0; i < max_instruments; ++i) {
+    if (problem.instrument[i].load.isZero(0)) continue;
+    const Vec6& way = problem.instrument[i].way;
+    const Vec3 origin = X[i].p - way.head<3>();
+    const auto carried = [&](int n) {
+      const Vec3& from = problem.x_now[n];
+      return Vec3(from + way.head<3>() + way.tail<3>().cross(from - origin));
+    };
+    const double most = most_pulled_off * problem.alarm_distance;
+    double off = 0;
+    for (int n = 0; n < problem.nodes; ++n) off = std::max(off, (x[n] - carried(n)).squaredNorm());
+    if (off < most * most) return;
+    for (int n = 0; n < problem.nodes; ++n) x[n] = carried(n);
+    return;
+  }
+}
+
 void solve_renewed(const CondensedProblem& problem, Instruments instruments, const CouplingStart& start,
                    double margin, double period, const ContactOptions& options, ContactState& state,
                    ContactScratch& scratch, ContactSolution& out) noexcept {
   scratch.working = state.memory;
-  displaced_patch(problem, state.memory, scratch.x);
+  start_patch(problem, start.X_start, state.memory, scratch.x);
   out.instrument = start.X_start;
   const int linearisations = state.resumed > 0 ? 1 : std::max(1, options.linearisations);
   const double activation =
@@ -360,6 +384,8 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
     out.instrument = start.X_free;
     return out;
   }
+  for (int i = 0; i < max_instruments; ++i)
+    if (X_device.present[i]) out.wrench[i] += problem.instrument[i].load;
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
   const PlacedInstruments placed(instruments, out.instrument);
   for (int i = 0; i < instruments.count(); ++i)

@@ -70,10 +70,11 @@ struct ContactScratch {
 
 struct ContactSolution {
   SolveStatus status = SolveStatus::solved;
-  EachInstrument<Vec6> wrench;  // on the device, scene units: force [N], torque about its origin [N·m]
-  InstrumentPoses instrument;   // proxy poses under contact
-  int contacts = 0;             // rows considered
-  int active = 0;               // with λ_n > 0
+  EachInstrument<Vec6>
+      wrench;  // on the device, loads too, scene units: force [N], torque about its origin [N·m]
+  InstrumentPoses instrument;  // proxy poses under contact
+  int contacts = 0;            // rows considered
+  int active = 0;              // with λ_n > 0
   int dropped = 0;
   bool near = false;       // turns got on: the wrench is near, whatever the residual
   bool laboured = false;   // resumed, and solved by more than its turns

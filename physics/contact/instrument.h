@@ -28,10 +28,19 @@ struct Primitive {
   std::vector<Eigen::Vector4d> planes;  // convex: n·x + d ≤ 0 inside, |n| = 1
 };
 
+// An opening that an aspiration pump draws through (suction.h). A radius of zero: none.
+struct Port {
+  Vec3 position = Vec3::Zero();      // of its middle, instrument's frame [m]
+  Vec3 direction = -Vec3::UnitZ();   // unit, out of it
+  double radius = 0, reach = 0;      // [m]
+  double vacuum = 0, rise_time = 0;  // the pump's largest [Pa], its time constant [s]
+};
+
 struct Instrument {
   std::vector<Primitive> primitives;
   int tip = 0;  // the primitive that destroys tissue, index into `primitives`
   Blade blade;
+  Port port;
 };
 
 struct Gap {

@@ -26,7 +26,7 @@ CouplingStart start_coupling(const CondensedProblem& problem, const InstrumentPo
     Vec6 held = lag * last_offset[i], offset = last_offset[i];
     for (int c = 0; c < 6; ++c)
       if (K_inv[c] == 0) held[c] = offset[c] = 0;
-    start.X_free[i] = displaced(X_device[i], -held);
+    start.X_free[i] = displaced(X_device[i], K_inv.cwiseProduct(problem.instrument[i].load) - held);
     start.X_start[i] = displaced(X_device[i], -offset);
   }
   return start;

@@ -17,7 +17,8 @@ Vec6 inverse_stiffness(const VirtualCoupling& coupling, double period) noexcept;
 // The instruments on their couplings, for a solve of either loop.
 struct CouplingStart {
   EachInstrument<Vec6> K_inv;
-  InstrumentPoses X_free;   // with what the couplings' dampers still hold of the last offset
+  InstrumentPoses
+      X_free;  // with what the couplings' dampers still hold of the last offset, and under its load
   InstrumentPoses X_start;  // with the whole of it: where the last solve has put them
 };
 CouplingStart start_coupling(const CondensedProblem& problem, const InstrumentPoses& X_device, double period,

@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "physics/contact/suction.h"
+
 namespace hapticd {
 namespace {
 
@@ -77,11 +79,15 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
       (report.removed > 0 || report.split) && !report.interim;  // since the one before
   gather(samples, topology_changed, problem, report);
   contact_.condense(context_, factors_, samples, problem, report);
+  draw(samples, problem);
   body_contact_.solve(context_, factors_, contact_, samples, problem,
                       wrenches_before_handover(samples, report), report);
+  placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
   report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force);
   if (usable(report.contact))
     cutting_.advance(bodies_, instruments_, poses_of(samples), problem, contact_.state.solver.memory);
+
+  remove_suction(problem);  // the haptic loop has its own, in each of its ticks
 
   // What will be cut next is not foreseen, and a cut starts the step afresh.
   const bool ahead = prediction_.active() && !report.split;
@@ -89,7 +95,9 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);
   if (ahead) {
+    draw(samples, problem);
     prediction_.linearise(context_, factors_, problem, samples, contact_.state.solver, removing_, report);
+    remove_suction(problem);
     contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);
   }
@@ -97,6 +105,21 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   report_compliance(report);
   put_to_sleep();
   return report;
+}
+
+// The pumps' vacuum on what their ports cover: where the last solve left tips and tissue, as either goes on
+// from there.
+void World::draw(const InstrumentSamples& samples, CondensedProblem& problem) {
+  if (!any_port(instruments_)) return;
+  const InstrumentPoses next =
+      start_coupling(problem, poses_of(samples), settings_.h, contact_.state.solver.coupling_offset).X_start;
+  InstrumentPoses X = next;
+  EachInstrument<double> vacuum;
+  for (int i = 0; i < max_instruments; ++i) {
+    if (X.present[i] && placed_.present[i]) X[i] = placed_[i];
+    vacuum[i] = samples[i].vacuum;
+  }
+  apply_suction(instruments_, X, next, problem.x_now, vacuum, problem);
 }
 
 // Where they will be, so much later.

@@ -86,6 +86,7 @@ class World {
   const CuttingStage& cutting() const { return cutting_; }
 
  private:
+  void draw(const InstrumentSamples& samples, CondensedProblem& problem);
   InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
   void remove(const InstrumentSamples& samples, StepReport& report);
   void wake_near(const InstrumentSamples& samples);
@@ -103,6 +104,7 @@ class World {
   std::vector<Instrument> instruments_;
   StepReport report_;             // of the step under way, or the last
   InstrumentSamples begun_with_;  // … and the samples that it began with
+  InstrumentPoses placed_;  // where the last step's contact solve left the instruments
   Bodies bodies_;
   Collision collision_;
   std::vector<NearFace> near_;  // of the instruments' newest poses

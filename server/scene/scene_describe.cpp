@@ -4,6 +4,7 @@
 #include <cstdarg>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "server/record/trajectory_reader.h"
 
@@ -82,6 +83,10 @@ void describe_instrument(std::string& out, const SceneInstrument& held, bool nam
   for (const BladePoint& point : blade.sample) width += point.width;
   if (!blade.sample.empty())
     line(out, "blade      %.2f mm wide, %zu samples", 1e3 * width, blade.sample.size());
+  if (const Port& port = held.shape.port; port.radius > 0)
+    line(out, "port       radius %.2f mm, vacuum to %.3g kPa with %.2g s: at most %.3g mN", 1e3 * port.radius,
+         1e-3 * port.vacuum, port.rise_time,
+         1e3 * port.vacuum * std::numbers::pi * port.radius * port.radius);
   line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", held.coupling.stiffness,
        held.coupling.rotational_stiffness, 1e3 * held.coupling.damping_time);
   const RemovalSettings& removal = held.removal;
@@ -94,6 +99,9 @@ void describe_instrument(std::string& out, const SceneInstrument& held, bool nam
        held.device_name.c_str(), named ? (", id " + std::to_string(d.id)).c_str() : "", d.max_force,
        d.max_torque, d.max_force_rate, d.max_speed, 1e3 * d.workspace_radius, held.device_stiffness);
   line(out, "mapping    position x %.4g, force x %.4g", d.position_scale, d.force_scale);
+  if (d.pivot)
+    line(out, "pivot      the shaft passes through (%.2f, %.2f, %.2f) mm, whatever the stylus says",
+         1e3 * d.pivot->point.x(), 1e3 * d.pivot->point.y(), 1e3 * d.pivot->point.z());
   const double felt = felt_stiffness(held);
   line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
        felt > 1.001 * held.device_stiffness ? ": MORE than the device displays stably" : "");

@@ -20,6 +20,10 @@ constexpr NumberRange rotational_stiffness{0, 1e4, true, false, "newton metres p
 constexpr NumberRange damping_time{0, 1, false, false, "seconds; about 0.002"};
 constexpr NumberRange removal_rate{0, 1e5, false, false, "tetrahedra per second; 0: none"};
 constexpr NumberRange reach{0, 0.1, false, false, "metres"};
+constexpr NumberRange port_length{0, 0.1, true, false, "metres"};
+constexpr NumberRange vacuum{0, 101325, false, false,
+                             "pascals below the surroundings; a phaco machine's reach 80 kPa"};
+constexpr NumberRange rise_time{0, 60, false, false, "seconds; the pump's time constant"};
 constexpr NumberRange position_scale{0, 1e3, true, false, "scene metres per device metre"};
 constexpr NumberRange force_scale{0, 1e6, true, false, "device newtons per scene newton"};
 constexpr NumberRange between_instruments{0, 2, false, false, "Coulomb's coefficient; 0: frictionless"};
@@ -35,6 +39,20 @@ Blade read_blade(const YamlMap& yaml) {
   } catch (const std::invalid_argument& fault) {
     throw yaml.error("edge", fault.what());
   }
+}
+
+Port read_port(const YamlMap& yaml) {
+  yaml.only({"position", "direction", "radius", "reach", "vacuum", "rise_time"});
+  Port port;
+  port.position = yaml.vec3("position", Vec3::Zero());
+  const Vec3 direction = yaml.vec3("direction", -Vec3::UnitZ());
+  if (direction.isZero(0)) throw yaml.error("direction", "is zero");
+  port.direction = direction.normalized();
+  port.radius = yaml.number("radius", port_length);
+  port.reach = yaml.number("reach", port_length);
+  port.vacuum = yaml.number("vacuum", vacuum);
+  port.rise_time = yaml.number("rise_time", rise_time);
+  return port;
 }
 
 VirtualCoupling read_coupling(const YamlMap& yaml) {
@@ -81,13 +99,24 @@ std::uint32_t read_id(const YamlMap& yaml) {
   return static_cast<std::uint32_t>(yaml.whole("id", 0, largest_id));
 }
 
+Pivot read_pivot(const YamlMap& yaml, const DeviceSettings& device) {
+  yaml.only({"point", "axis"});
+  const Vec3 point = yaml.vec3("point"), axis = yaml.vec3("axis", point - device.origin);
+  if (axis.isZero(0))
+    throw yaml.has("axis")
+        ? yaml.error("axis", "is zero")
+        : yaml.error("point", "is mapping.origin: say axis, the direction out of the body");
+  return {point, axis.normalized()};
+}
+
 void read_mapping(const YamlMap& yaml, DeviceSettings& device) {
-  yaml.only({"position_scale", "force_scale", "origin", "frame", "tool"});
+  yaml.only({"position_scale", "force_scale", "origin", "frame", "tool", "pivot"});
   device.position_scale = yaml.number("position_scale", position_scale);
   device.force_scale = yaml.number("force_scale", force_scale);
   device.origin = yaml.vec3("origin", Vec3::Zero());
   device.frame = yaml.quaternion("frame");
   device.tool = yaml.quaternion("tool");
+  if (yaml.has("pivot")) device.pivot = read_pivot(yaml.map("pivot"), device);
 }
 
 // own: where primitives, tip, blade and coupling stand; rest: where removal, device, mapping and trajectory
@@ -98,6 +127,7 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
   held.shape = read_instrument(own);
   held.coupling = read_coupling(own.map("coupling"));
   if (own.has("blade")) held.shape.blade = read_blade(own.map("blade"));
+  if (own.has("port")) held.shape.port = read_port(own.map("port"));
   const bool tough =
       std::any_of(bodies.begin(), bodies.end(), [](const SceneBody& body) { return body.toughness > 0; });
   if (own.has("blade") && !tough)
@@ -126,8 +156,8 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
 }
 
 SceneInstrument read_listed(const YamlMap& yaml, const std::string& device, const Scene& scene) {
-  yaml.only(
-      {"name", "primitives", "tip", "blade", "coupling", "removal", "device", "id", "mapping", "trajectory"});
+  yaml.only({"name", "primitives", "tip", "blade", "port", "coupling", "removal", "device", "id", "mapping",
+             "trajectory"});
   const std::string name = yaml.text("name");
   for (const SceneInstrument& other : scene.instruments)
     if (other.name == name) throw yaml.error("name", "'" + name + "' is another instrument's name already");
@@ -157,7 +187,7 @@ void read_only_instrument(const YamlMap& yaml, const std::string& device, Scene&
     throw yaml.error("instrument_friction",
                      "is of one instrument against another: stands only beside instruments");
   const YamlMap own = yaml.map("instrument");
-  own.only({"primitives", "tip", "blade", "coupling"});
+  own.only({"primitives", "tip", "blade", "port", "coupling"});
   scene.instruments.push_back(read_entry(own, yaml, device, scene.bodies));
   scene.first().name = "instrument";
   if (yaml.has("more_devices"))

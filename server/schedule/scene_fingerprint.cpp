@@ -40,6 +40,10 @@ void add(Fingerprint& f, const SceneInstrument& i) {
     for (const Vec3& v : p.vertices) f.add(v);
   }
   f.add(i.shape.tip);
+  const Port& port = i.shape.port;
+  f.add(port.position);
+  f.add(port.direction);
+  for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time}) f.add(x);
 }
 
 }  // namespace

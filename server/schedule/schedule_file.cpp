@@ -15,7 +15,7 @@ namespace {
 using nlohmann::json;
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'S', 'C'};
-constexpr std::uint32_t version = 2, byte_order = 0x01020304;
+constexpr std::uint32_t version = 3, byte_order = 0x01020304;
 constexpr std::uint32_t longest_header = 1 << 20;
 constexpr std::size_t buffered = 1 << 16;
 enum class Kind : char { tick = 'T', step = 'S', end = 'E' };
@@ -76,6 +76,7 @@ void fields(Stream& s, StepRecord& r) {
     s.put(sample.phaco);
     s.put(sample.aspiration);
     s.put(sample.time);
+    s.put(sample.vacuum);
   }
   s.put(r.problem);
   s.put(r.published_ns);
@@ -138,7 +139,7 @@ Vec3 vector_of(const json& j) { return Vec3(number(j, 0), number(j, 1), number(j
 Quat quaternion_of(const json& j) { return Quat(number(j, 3), number(j, 0), number(j, 1), number(j, 2)); }
 
 json to_json(const DeviceSettings& d) {
-  return {{"id", d.id},
+  json j{{"id", d.id},
           {"max_force", d.max_force},
           {"max_torque", d.max_torque},
           {"max_force_rate", d.max_force_rate},
@@ -151,6 +152,8 @@ json to_json(const DeviceSettings& d) {
           {"origin", numbers(d.origin)},
           {"frame", numbers(d.frame)},
           {"tool", numbers(d.tool)}};
+  if (d.pivot) j["pivot"] = {{"point", numbers(d.pivot->point)}, {"axis", numbers(d.pivot->axis)}};
+  return j;
 }
 
 DeviceSettings device_of(const json& j) {
@@ -168,6 +171,8 @@ DeviceSettings device_of(const json& j) {
   d.origin = vector_of(j.at("origin"));
   d.frame = quaternion_of(j.at("frame"));
   d.tool = quaternion_of(j.at("tool"));
+  if (j.contains("pivot"))
+    d.pivot = Pivot{vector_of(j.at("pivot").at("point")), vector_of(j.at("pivot").at("axis"))};
   return d;
 }
 

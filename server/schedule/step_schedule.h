@@ -33,7 +33,7 @@ enum class StepAction : std::uint8_t {
 // What the haptic side tells, as the simulation takes it.
 inline InstrumentSample sample_of(const InstrumentInput& i) noexcept {
   return {i.X, i.present, (i.buttons & pedal_phaco) != 0, (i.buttons & pedal_aspiration) != 0,
-          1e-9 * static_cast<double>(i.received_ns)};
+          1e-9 * static_cast<double>(i.received_ns), i.vacuum};
 }
 
 inline InstrumentSamples samples_of(const InstrumentInputs& inputs) noexcept {

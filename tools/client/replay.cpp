@@ -31,6 +31,7 @@ struct ReplayOptions {
   bool offline = false;
   std::string scene, record, vtk, schedule;  // offline
   bool allow_refused = false;                // offline
+  std::vector<double> pivot;                 // offline; scene [m]
   double speed = 1;
   bool no_enable = false;
 };
@@ -150,7 +151,13 @@ std::vector<std::string> offline_files(const ReplayOptions& options, const Scene
 int replay_without_daemon(ReplayOptions& options) {
   const std::string file = options.scene.empty() ? options.from_scene : options.scene;
   if (file.empty()) throw UsageError("--offline needs a scene: --scene SCENE.yaml, or --from-scene");
-  const Scene scene = read_scene(file);
+  Scene scene = read_scene(file);
+  if (!options.pivot.empty()) {
+    DeviceSettings& device = scene.first().device;
+    const Vec3 point(options.pivot[0], options.pivot[1], options.pivot[2]), out = point - device.origin;
+    if (out.isZero(0)) throw UsageError("--pivot: is the scene's mapping.origin");
+    device.pivot = Pivot{point, out.normalized()};
+  }
   const std::vector<std::string> files = offline_files(options, scene);
   const std::optional<Scene> from = mapping(options);
   const Motions motions = read_all(options, files, from ? &*from : nullptr);
@@ -289,6 +296,13 @@ Command add_replay(CLI::App& application) {
       ->needs(offline);
   app->add_flag("--allow-refused", options->allow_refused,
                 "offline: 0 even if states are faster than the device's max_speed and so refused")
+      ->needs(offline);
+  app->add_option("--pivot", options->pivot,
+                  "offline: turn the (first) instrument about its tip so that its shaft passes through this "
+                  "point of the scene [m]; live, the scene's mapping.pivot does")
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("X,Y,Z")
       ->needs(offline);
   app->add_option("--record", options->record, "offline: write a rosbag2 recording")
       ->type_name("DIR")

@@ -41,12 +41,15 @@ VirtualTiming timing_of(const OfflineOptions& options, const World& world) {
   return timing;
 }
 
-// The devices as they are, or with nothing between the contact's force and its answer.
+// The devices as they are, or with nothing between the contact's force and its answer. The motions are the
+// instruments' own and the forces are on their tips, so no pivot turns them.
 std::vector<DeviceSettings> devices_of(const Scene& scene, bool limits) {
   std::vector<DeviceSettings> devices = devices_of(scene);
   constexpr double none = 1e9;
-  for (DeviceSettings& d : devices)
+  for (DeviceSettings& d : devices) {
+    d.pivot.reset();
     if (!limits) d.max_force = d.max_torque = d.max_force_rate = d.max_speed = none;
+  }
   return devices;
 }
 

@@ -73,8 +73,7 @@ ForceSample DaemonRenderer::baseline(std::int64_t now_ns) {
   const Pose X = to_scene(device, newest_.pose);
   const Vec6 w = local_.wrench(1e-9 * static_cast<double>(now_ns - first_ns), X)[0];
   bool hit = false;
-  const Wrench wrench =
-      saturated(device, {force_to_device(device, w.head<3>()), torque_to_device(device, w.tail<3>())}, hit);
+  const Wrench wrench = saturated(device, wrench_on_device(device, newest_.pose, w), hit);
   ForceSample answer;
   answer.force = wrench.force;
   answer.torque = wrench.torque;

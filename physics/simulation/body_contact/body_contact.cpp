@@ -95,6 +95,19 @@ void BodyContacts::set_free_motion(const Bodies& bodies) {
   }
 }
 
+void BodyContacts::pull(const VecX& force) {
+  if (force.isZero(0)) return;
+  set_tool(force);
+  find_moved();
+  for (std::size_t b = 0; b < domains_.size(); ++b) {
+    Domain& d = domains_[b];
+    if (!d.mobile) continue;
+    for (std::size_t k = 0; k < d.free.size(); ++k)
+      d.free[k] += moved_[b].segment<3>(3 * static_cast<Eigen::Index>(k));
+    d.tool.setZero();
+  }
+}
+
 void BodyContacts::start_from(int body, std::span<const Vec3> x) {
   Domain& d = domains_[body];
   std::vector<Vec3> to;

@@ -99,6 +99,8 @@ class BodyContacts {
 
   // Start (present) and free positions of the domains; linearises there.
   void set_free_motion(const Bodies& bodies);
+  // … under forces on the patch's nodes beside those of contacts.
+  void pull(const VecX& force);
 
   // Renews geometry at the end of the last solve. Returns how far the rows' gaps were from the true ones
   // where they are closed or overlap [m].

@@ -37,6 +37,27 @@ class Rounds {
   double left_ = 2, best_ = std::numeric_limits<double>::infinity();
 };
 
+// Loose pieces that suction holds begin where their instrument takes them (contact_solve.cpp says why).
+void carry(const StepContext& c, const CondensedProblem& problem, BodyContacts& contacts) {
+  const auto nodes = c.patch.nodes();
+  for (int b = 0; b < c.body_count(); ++b) {
+    const Body& body = c.bodies[b];
+    bool pulled = false;
+    for (std::size_t k = 0; k < nodes.size(); ++k)
+      pulled = pulled || (nodes[k].body == b && !problem.pull[k].isZero(0));
+    if (!pulled || std::ranges::any_of(body.model.fixed, [](auto fixed) { return fixed != 0; })) continue;
+    for (const InstrumentReference& of : problem.instrument.value) {
+      if (of.load.isZero(0)) continue;
+      const Vec3 origin = of.X_ref.p - of.way.head<3>();
+      std::vector<Vec3> x = body.state.x;
+      for (Vec3& at : x) at += of.way.head<3>() + of.way.tail<3>().cross(at - origin);
+      contacts.start_from(b, x);
+      break;
+    }
+  }
+  contacts.linearise(c.bodies);
+}
+
 }  // namespace
 
 void BodyContactStage::surface_changed(Bodies& bodies, int b) {
@@ -57,7 +78,8 @@ void BodyContactStage::find(Bodies& bodies) {
 }
 
 void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
-                                   const InstrumentSamples& samples, StepReport& report) {
+                                   const InstrumentSamples& samples, const CondensedProblem& problem,
+                                   StepReport& report) {
   contacts_.set_domains(c.bodies, c.patch.nodes());
   for (int b = 0; b < c.body_count(); ++b) {
     const auto nodes = contacts_.domain_nodes(b);
@@ -69,6 +91,7 @@ void BodyContactStage::begin_solve(const StepContext& c, FactorStage& factors,
     c.bodies[b].compliance->patch(nodes, C);
   }
   contacts_.set_free_motion(c.bodies);
+  contacts_.pull(pull_on_patch(problem));
   if (!known_end_) return;
   for (int b = 0; b < c.body_count(); ++b)
     if (!contacts_.domain_nodes(b).empty() && !x_end_[b].empty()) contacts_.start_from(b, x_end_[b]);
@@ -101,13 +124,18 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
                                   const InstrumentSamples& samples, const CondensedProblem& problem,
                                   const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   if (!contacts_.any()) return contact.solve(c, samples, problem, last, report);
-  begin_solve(c, factors, samples, report);
+  begin_solve(c, factors, samples, problem, report);
   contacts_.report().held = contacts_.report().friction_held = contacts_.report().capped = false;
   VecX force = remembered_force(problem, contact.state.solver.memory);
   Rounds rounds;
   const auto solved = [&] { return contacts_.report().status == SolveStatus::solved; };
-  contacts_.solve(force);
-  const double first = contacts_.linearise(c.bodies);
+  double first = 0;
+  if (is_pulled(problem)) {
+    carry(c, problem, contacts_);
+  } else {
+    contacts_.solve(force);
+    first = contacts_.linearise(c.bodies);
+  }
   if (any_present(samples) && problem.samples > 0) {
     InstrumentSide tool(problem, c.instruments, poses_of(samples), c.settings.h,
                         contact_margin * problem.alarm_distance, contact.state.solver, contact.scratch());
@@ -134,7 +162,7 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
     contacts_.report().rounds = rounds.count();
     if (!rounds.settled() || !solved()) hold_geometry(c, [&] { contacts_.solve(force); });
   }
-  contact.state.patch_force = force;
+  contact.state.patch_force = force + pull_on_patch(problem);
 }
 
 void BodyContactStage::predict_end(const StepContext& c, int b, const VecX& patch_force) {

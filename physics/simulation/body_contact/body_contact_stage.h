@@ -46,7 +46,7 @@ class BodyContactStage {
 
  private:
   void begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
-                   StepReport& report);
+                   const CondensedProblem& problem, StepReport& report);
   void hold_geometry(const StepContext& c, const std::function<void()>& solve);
   void predict_end(const StepContext& c, int body, const VecX& patch_force);
   void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples);

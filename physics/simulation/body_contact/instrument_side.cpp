@@ -104,6 +104,8 @@ ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {
       e.anchor =
           frozen_ ? X_[row.instrument].to_local(s - d.head<3>() - d.tail<3>().cross(row.arm)) : X.to_local(s);
   }
+  for (int i = 0; i < max_instruments; ++i)
+    if (device_.present[i]) out.wrench[i] += problem_.instrument[i].load;
   state_.coupling_offset = coupling_offset(device_, out.instrument, start_.K_inv);
   return out;
 }

@@ -35,6 +35,12 @@ VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scrat
   return f;
 }
 
+VecX pull_on_patch(const CondensedProblem& problem) {
+  VecX f(3 * problem.nodes);
+  for (int n = 0; n < problem.nodes; ++n) f.segment<3>(3 * n) = problem.pull[n];
+  return f;
+}
+
 VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memory) {
   VecX f = VecX::Zero(3 * problem.nodes);
   for (int k = 0; k < problem.samples; ++k) {
@@ -82,6 +88,7 @@ void InstrumentContact::gather(const StepContext& c, const InstrumentPoses& X, s
   problem.alarm_distance = s.alarm_distance;
   for (int i = 0; i < max_instruments; ++i) problem.instrument[i] = {X[i], s.coupling[i]};
   problem.instrument_friction = s.instrument_friction;
+  problem.pull.fill(Vec3::Zero());
   gatherer_.gather(c.bodies, c.instruments, X, s.alarm_distance, near, problem, first);
   place(c, problem);
 }
@@ -149,8 +156,8 @@ void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& sam
     state.solver = ContactState{};
     scratch_->rows.contacts = 0;
   }
-  state.patch_force =
-      usable(report.contact) ? force_on_patch(problem, *scratch_) : VecX::Zero(3 * problem.nodes);
+  state.patch_force = pull_on_patch(problem);
+  if (usable(report.contact)) state.patch_force += force_on_patch(problem, *scratch_);
 }
 
 }  // namespace hapticd

@@ -21,13 +21,16 @@ namespace hapticd {
 
 struct InstrumentContactState {
   ContactState solver;
-  VecX patch_force;  // of the instrument on the patch's nodes [N]
+  VecX patch_force;  // of the instrument on the patch's nodes, its suction too [N]
 };
 
 ContactOptions contact_options(const WorldSettings& settings);
 
 // Σ Hᵀλ of a solve, by node of the patch [N].
 VecX force_on_patch(const CondensedProblem& problem, const ContactScratch& scratch);
+
+// What suction pulls with, by node of the patch [N].
+VecX pull_on_patch(const CondensedProblem& problem);
 
 // The same of the forces remembered from another patch, found again by sample.
 VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memory);

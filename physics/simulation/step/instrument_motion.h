@@ -17,7 +17,8 @@ struct InstrumentSample {
   bool present = false;  // no device: no contact, no removal
   bool phaco = false;
   bool aspiration = false;
-  double time = 0;  // when that was, on any one clock [s]; 0: a step after the sample before
+  double time = 0;    // when that was, on any one clock [s]; 0: a step after the sample before
+  double vacuum = 0;  // of its pump [Pa]
 };
 
 // Of all instruments of a world; one converts.

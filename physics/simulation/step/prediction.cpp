@@ -46,7 +46,9 @@ ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& 
   return solve_contact(problem, c.instruments, X, h, options, state, *scratch_);
 }
 
-VecX Prediction::force(const CondensedProblem& problem) const { return force_on_patch(problem, *scratch_); }
+VecX Prediction::force(const CondensedProblem& problem) const {
+  return force_on_patch(problem, *scratch_) + pull_on_patch(problem);
+}
 
 void Prediction::linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
                            const InstrumentSamples& samples, const ContactState& before, bool removing,

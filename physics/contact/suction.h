@@ -1,0 +1,47 @@
+// Suction: what a port's vacuum pulls tissue with, and the instrument against it.
+//
+//   w_i = A_i φ(g_i) ψ(ρ_i),   o = min(1, Σ w_i/(0.9 A)),   f_i = −p A o (w_i/Σ w) d,   load = −Σ (f_i, r_i ×
+//   f_i) x_free ← x_free + C_pp f,   X_free ← X_free ⊕ K_eff⁻¹ load
+//
+// d: direction of the port, out of it; A its area; g the sample's gap to the instrument, φ = 1 to half of the
+// reach and 0 beyond it; ρ its distance from the port's axis, ψ = 1 to 0.8 and 0 from 1.2 radii. So a port
+// that is covered pulls with p A exactly, and a sample that comes in does so by degrees. Contact forces stay
+// λ_n ≥ 0 on top of it, which is λ_n − p A ≥ −p A of what the tip and tissue exchange, and friction is that
+// of λ. Samples of fixed obstacles have no area here: they neither cover a port nor pull.
+//
+// Pump: τ ṗ = p_max o − p while it is on, τ ṗ = −p while off (implicit Euler).
+// Units: m, N, Pa. Guarantee: wait-free, no allocation, bounded by max_patch_samples. Departure from DESIGN
+// §13: a load in place of a shift of λ, which tissue that is no row yet feels as well.
+#pragma once
+
+#include "physics/contact/rows.h"
+
+namespace hapticd {
+
+struct Suction {
+  double occlusion = 0;      // o
+  Vec6 load = Vec6::Zero();  // on the instrument, about its origin [N, N·m]
+};
+
+// Of one instrument's port at pose X over the patch at x, with vacuum p; adds f to `pull`, by patch node [N].
+Suction suction_of(const CondensedProblem& problem, const Instrument& shape, const Pose& X,
+                   const PatchPositions& x, double vacuum, PatchPositions& pull) noexcept;
+
+// The pump's next pressure.
+double pumped(const Port& port, double vacuum, double occlusion, bool on, double period) noexcept;
+
+// With each instrument's vacuum [Pa] where it is present: shifts x_free and sets pull, loads and ways. X, x:
+// where the last solve left instruments and patch; X_next: where they are about to be. Returns the
+// occlusions.
+EachInstrument<double> apply_suction(Instruments instruments, const InstrumentPoses& X,
+                                     const InstrumentPoses& X_next, const PatchPositions& x,
+                                     const EachInstrument<double>& vacuum,
+                                     CondensedProblem& problem) noexcept;
+
+// Takes it out of the problem again.
+void remove_suction(CondensedProblem& problem) noexcept;
+
+// Whether any of them has a port.
+bool any_port(Instruments instruments) noexcept;
+
+}  // namespace hapticd
