@@ -43,6 +43,7 @@ Scene lens_scene(const StrokeSettings& s) {
   ball.primitives[0].name = "tip";
   ball.primitives[0].radius = s.tip_radius;
   ball.tip = 0;
+  scene.first().device.pivot.reset();  // there is no cornea
   scene.rate = 1 / s.h;
   scene.compliance = s.compliance;
   scene.sample_spacing = s.tip_radius / 3;
