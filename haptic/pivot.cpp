@@ -3,7 +3,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double shortest = 2e-3;  // a tip nearer to the point than this has no direction [m]
+constexpr double shortest = 1e-3;  // a tip nearer to the point than this has no direction [m]
 constexpr double opposite = 1e-6;  // 1 + z·u of a stylus that points against the shaft
 
 struct Shaft {

@@ -1,6 +1,6 @@
 // A shaft that passes through a fixed point, an incision or a trocar, wherever the tip is.
 //
-//   u = v/|v|,  v = point − p;  where v·n < 2 mm, v ← v + (2 mm − v·n) n   (n: axis, out of the body)
+//   u = v/|v|,  v = point − p;  where v·n < 1 mm, v ← v + (1 mm − v·n) n   (n: axis, out of the body)
 //   q = s q_stylus,  s the least rotation that takes the stylus's axis z to u
 //   f += N (u × (τ − z (u·τ)/(1 + z·u)))/|v|,   τ ← (z + u)(u·τ)/(1 + z·u)
 //

@@ -39,7 +39,7 @@ TEST(Pivot, TheShaftPassesThroughThePoint) {
     const Quat turn = X.q * stylus.q.conjugate();
     ASSERT_NEAR(2 * std::acos(std::min(1.0, std::abs(turn.w()))),
                 std::acos(std::clamp(shaft.dot(stylus_axis), -1.0, 1.0)), 1e-6);
-    if (depth(pivot, X.p) < 2e-3) continue;
+    if (depth(pivot, X.p) < 1e-3) continue;
     ++inside;
     const Vec3 v = pivot.point - X.p;
     ASSERT_LT((v - shaft * shaft.dot(v)).norm(), 1e-12);
@@ -58,11 +58,11 @@ TEST(Pivot, WorkIsTheSameAtBothEnds) {
   for (int i = 0; i < 10'000; ++i) {
     const Pivot pivot = random.pivot();
     const Pose stylus = random.stylus(8e-3);
-    if (std::abs(depth(pivot, stylus.p) - 2e-3) < 1e-5) continue;  // the kink
+    if (std::abs(depth(pivot, stylus.p) - 1e-3) < 1e-5) continue;  // the kink
     const Pose X = through_pivot(pivot, stylus);
     if ((X.q * Vec3::UnitZ()).dot(stylus.q * Vec3::UnitZ()) < -0.9)
       continue;  // derivatives grow as 1/(1 + z·u)
-    raised += depth(pivot, stylus.p) < 2e-3;
+    raised += depth(pivot, stylus.p) < 1e-3;
     Vec6 wrench, motion;
     wrench << random.vector(1), random.vector(5e-3);
     motion << random.vector(step * 5e-3), random.vector(step);
@@ -90,11 +90,11 @@ TEST(Pivot, ATipThatIsDrawnOutKeepsPointingIn) {
   const Pivot pivot{Vec3(0, 0, 8e-3), Vec3::UnitZ()};
   Vec3 before = Vec3::Zero();
   for (int i = 0; i <= 2'000; ++i) {
-    const Pose X = through_pivot(pivot, {Vec3(1e-3, 0, 10e-6 * i), Quat::Identity()});
+    const Pose X = through_pivot(pivot, {Vec3(0.5e-3, 0, 10e-6 * i), Quat::Identity()});
     const Vec3 shaft = X.q * Vec3::UnitZ();
     ASSERT_GT(shaft.z(), 0.8);
     if (i > 0) {
-      ASSERT_LT((shaft - before).norm(), 3e-3);
+      ASSERT_LT((shaft - before).norm(), 5e-3);
     }
     before = shaft;
   }
