@@ -1,7 +1,10 @@
 #include "physics/contact/contact_selection.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
+
+#include "physics/contact/condensed_problem.h"
 
 namespace hapticd {
 namespace {
@@ -30,32 +33,52 @@ int keep_deepest(std::span<ContactCandidate> candidate, int count) noexcept {
 }
 
 int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcept {
-  const auto begin = candidate.begin(), end = candidate.end();
-  const auto half = begin + capacity / 2, full = begin + capacity;
-  std::nth_element(begin, half, end, deeper);
-
-  // Rounds: a sample's place among those of its face, the ones already taken first.
-  std::sort(begin, half,
-            [](const ContactCandidate& a, const ContactCandidate& b) { return a.face < b.face; });
-  std::sort(half, end, [](const ContactCandidate& a, const ContactCandidate& b) {
-    return a.face != b.face ? a.face < b.face : deeper(a, b);
-  });
-  auto taken = begin;
-  std::uint32_t face = 0, round = 0;
-  for (auto c = half; c != end; ++c) {
-    if (c == half || c->face != face) {
-      face = c->face;
-      round = 0;
-      while (taken != half && taken->face < face) ++taken;
-      for (; taken != half && taken->face == face; ++taken) ++round;
+  if (!std::is_sorted(candidate.begin(), candidate.end(), in_order))
+    std::sort(candidate.begin(), candidate.end(), in_order);
+  // A candidate by what it is chosen by; `at` is its place, and so breaks ties.
+  struct Key {
+    double gap;
+    std::uint32_t round;
+    std::uint32_t at;
+    bool operator<(const Key& other) const noexcept {
+      if (round != other.round) return round < other.round;
+      return gap != other.gap ? gap < other.gap : at < other.at;
     }
-    c->face = round++;  // from here on its round
+  };
+  std::array<Key, max_patch_samples> key;
+  std::array<bool, max_patch_samples> taken{};
+  const auto count = candidate.size();
+  for (std::size_t i = 0; i < count; ++i) key[i] = {candidate[i].gap, 0, static_cast<std::uint32_t>(i)};
+  const auto begin = key.begin(), half = begin + capacity / 2, full = begin + capacity, end = begin + count;
+  std::nth_element(begin, half, end);
+  for (auto k = begin; k != half; ++k) taken[k->at] = true;
+
+  // Rounds: a sample's place among those of its face by gap, the ones already taken first.
+  auto left = half;
+  for (std::size_t first = 0, last = 0; first < count; first = last) {
+    const auto of_face = left;
+    std::uint32_t round = 0;
+    for (last = first; last < count && candidate[last].face == candidate[first].face; ++last) {
+      if (taken[last])
+        ++round;
+      else
+        *left++ = {candidate[last].gap, 0, static_cast<std::uint32_t>(last)};
+    }
+    std::sort(of_face, left);
+    for (auto k = of_face; k != left; ++k) k->round = round++;
   }
-  std::nth_element(half, full, end, [](const ContactCandidate& a, const ContactCandidate& b) {
-    return a.face != b.face ? a.face < b.face : deeper(a, b);
-  });
-  std::sort(begin, full, in_order);
-  return overlapping(candidate.subspan(static_cast<std::size_t>(capacity)));
+  std::nth_element(half, full, end);
+  for (auto k = half; k != full; ++k) taken[k->at] = true;
+
+  int overlapping = 0;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (taken[i])
+      candidate[kept++] = candidate[i];
+    else
+      overlapping += candidate[i].gap < 0;
+  }
+  return overlapping;
 }
 
 }  // namespace hapticd

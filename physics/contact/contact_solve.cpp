@@ -65,6 +65,7 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
 // bounded, and sweeps move them.
 void solve_normals(const ContactOptions& options, ContactScratch& scratch) noexcept {
   const ContactRows& rows = scratch.rows;
+  if (scratch.on_demand) scratch.columns.make_all();
   std::array<int, max_contacts> contact;
   int n = 0;
   for (int i = 0; i < rows.contacts; ++i)
@@ -103,8 +104,12 @@ void solve_normals(const ContactOptions& options, ContactScratch& scratch) noexc
 }
 
 // Friction rows of `scratch`, by the Coulomb solver.
-void solve_friction(const CoulombOptions& options, ContactScratch& scratch, ContactSolution& out) noexcept {
+void solve_friction(CoulombOptions options, ContactScratch& scratch, ContactSolution& out) noexcept {
   const ContactRows& rows = scratch.rows;
+  if (scratch.on_demand)
+    options.columns = {
+        [](void* columns, int contact) noexcept { static_cast<DelassusColumns<3>*>(columns)->make(contact); },
+        &scratch.columns};
   Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
   const std::span<const double> mu{scratch.mu.data(), static_cast<std::size_t>(rows.contacts)};
   const std::span<const double> limit{scratch.limit.data(), rows.edges > 0 ? mu.size() : 0};
@@ -247,6 +252,7 @@ void solve_frozen(const CondensedProblem& problem, Instruments instruments, cons
       state.frozen_present.value != start.X_free.present.value) {
     build_rows(problem, instruments, X_ref, X_ref, problem.x_now, start.K_inv, state.memory, margin,
                scratch.rows, nullptr, options.times, period);
+    scratch.on_demand = false;
     ++scratch.matrix_version;
     state.frozen_step = problem.step;
     state.frozen_present = start.X_free.present;
@@ -301,8 +307,10 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   PatchPositions x_lin;
   InstrumentPoses X_lin;
   const auto build = [&](const Reached* reached) {
+    DelassusColumns<3>* const columns = options.whole_W || state.resumed > 0 ? nullptr : &scratch.columns;
     build_rows(problem, instruments, start.X_free, X_lin, x_lin, start.K_inv, scratch.working, activation,
-               scratch.rows, reached, options.times, period);
+               scratch.rows, reached, options.times, period, columns);
+    scratch.on_demand = columns && scratch.rows.rows_per_contact == 3 && scratch.rows.edges == 0;
     ++scratch.matrix_version;
   };
   // False if the solver met no number.

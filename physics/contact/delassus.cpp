@@ -1,161 +1,49 @@
 #include "physics/contact/delassus.h"
 
 #include <algorithm>
-#include <cstdint>
-#include <type_traits>
+
+#include "physics/contact/delassus_columns.h"
 
 namespace hapticd {
 namespace {
 
+using delassus::Lanes;
+
 constexpr double rigid_compliance = 1e-3;  // of the coupling's, at contacts with less of their own
 
-// Of a vector in space the fourth lane is not meant.
-// A typedef: of an alias clang drops `aligned`, and faults.
-typedef double Lanes __attribute__((vector_size(32), aligned(8), may_alias));
+// A column of one block of W. Of the vector's four lanes the last is not meant: the next contact's block
+// writes there again, and the last one's ends before.
+void put(double* at, double w, bool) noexcept { *at = w; }
+void put(double* at, Lanes w, bool last) noexcept {
+  if (!last) return delassus::store(at, w);
+  for (int r = 0; r < 3; ++r) at[r] = w[r];
+}
 
-Lanes lanes(const Vec3& v) noexcept { return Lanes{v[0], v[1], v[2], 0}; }
-// Not by reference: clang believes what one refers to to be aligned to 32. Nor by memcpy: with GCC the
-// assembly of W takes three times as long.
-Lanes load(const double* p) noexcept { return *reinterpret_cast<const Lanes*>(p); }
-void store(double* p, Lanes v) noexcept { *reinterpret_cast<Lanes*>(p) = v; }
-
-// Nodes that rows stand on, ascending.
-struct NodesInUse {
-  int count = 0;
-  std::array<std::int32_t, max_patch_nodes> node;
-
-  NodesInUse(const CondensedProblem& problem, const ContactRows& rows) noexcept {
-    std::array<bool, max_patch_nodes> used{};
-    for (int i = 0; i < rows.contacts; ++i)
-      for (const std::int32_t n : node_weights(problem, rows.row[i]).node) used[n] = true;
-    for (int n = 0; n < problem.nodes; ++n)
-      if (used[n]) node[count++] = n;
-  }
-};
-
-// Column panel of one contact: how the nodes in use and its instrument move per unit of its force in each
-// frame direction.
-template <int columns>
-class Panel {
- public:
-  void fill(const CondensedProblem& problem, const NodesInUse& used, const Vec6& K_inv_diag,
-            const ContactRow& row) noexcept {
-    deforms_ = !node_weights(problem, row).node.empty();
-    for (int c = 0; c < columns; ++c) {
-      const Vec3 f = row.frame.col(c);
-      shift_[c] = lanes(K_inv_diag.head<3>().cwiseProduct(f));
-      turn_[c] = K_inv_diag.tail<3>().cwiseProduct(row.arm.cross(f));
+// The upper triangle from the lower one.
+void mirror(double* W, int n) noexcept {
+  using delassus::load;
+  using delassus::store;
+  constexpr int side = 4;
+  for (int j = 0; j < n; j += side)
+    for (int i = j; i < n; i += side) {
+      double* const from = W + static_cast<std::ptrdiff_t>(j) * n + i;
+      double* const to = W + static_cast<std::ptrdiff_t>(i) * n + j;
+      if (i == j || i + side > n) {
+        for (int c = 0; c < side && j + c < n; ++c)
+          for (int r = i == j ? c + 1 : 0; r < side && i + r < n; ++r)
+            to[static_cast<std::ptrdiff_t>(r) * n + c] = from[static_cast<std::ptrdiff_t>(c) * n + r];
+        continue;
+      }
+      const Lanes a = load(from), b = load(from + n), c = load(from + 2 * n), d = load(from + 3 * n);
+      const Lanes ab0 = __builtin_shufflevector(a, b, 0, 4, 2, 6),
+                  ab1 = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+      const Lanes cd0 = __builtin_shufflevector(c, d, 0, 4, 2, 6),
+                  cd1 = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+      store(to, __builtin_shufflevector(ab0, cd0, 0, 1, 4, 5));
+      store(to + n, __builtin_shufflevector(ab1, cd1, 0, 1, 4, 5));
+      store(to + 2 * n, __builtin_shufflevector(ab0, cd0, 2, 3, 6, 7));
+      store(to + 3 * n, __builtin_shufflevector(ab1, cd1, 2, 3, 6, 7));
     }
-    if (!deforms_) return;
-    if (row.edge < 0)
-      fill_nodes(problem, used, problem.sample[row.sample], row.frame);
-    else
-      fill_nodes(problem, used, problem.edge[row.edge], row.frame);
-  }
-
-  // Displacement of another contact's point per unit of this one's force in direction c: G f.
-  Lanes tissue(const PatchSample& s, int c) const noexcept {
-    if (!deforms_ || s.node[0] < 0) return Lanes{};
-    const double* p = node_[c].data();
-    return s.weight[0] * load(p + 3 * s.node[0]) + s.weight[1] * load(p + 3 * s.node[1]) +
-           s.weight[2] * load(p + 3 * s.node[2]);
-  }
-  Lanes tissue(const EdgeSample& s, int c) const noexcept {
-    Lanes u{};
-    for (int a = 0; deforms_ && a < 4; ++a) u += s.weight[a] * load(node_[c].data() + 3 * s.node[a]);
-    return u;
-  }
-  // B f is shift + turn × arm there.
-  Lanes shift(int c) const noexcept { return shift_[c]; }
-  const Vec3& turn(int c) const noexcept { return turn_[c]; }
-
- private:
-  template <typename Sample>
-  void fill_nodes(const CondensedProblem& problem, const NodesInUse& used, const Sample& s,
-                  const Mat3& frame) noexcept {
-    constexpr int corners = std::is_same_v<Sample, EdgeSample> ? 4 : 3;
-    const int size = 3 * problem.nodes;
-    const double* C[corners];
-    double weight[corners];
-    for (int a = 0; a < corners; ++a) {
-      C[a] = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[a]) * size;
-      weight[a] = s.weight[a];
-    }
-    const auto fill_node = [&](int n, const auto& at) noexcept {
-      Lanes moved[3]{};  // per unit of force along each axis of space
-      for (int k = 0; k < 3; ++k)
-        for (int a = 0; a < corners; ++a) moved[k] += weight[a] * at(C[a] + k * size + 3 * n);
-      for (int c = 0; c < columns; ++c)
-        store(node_[c].data() + 3 * n,
-              frame(0, c) * moved[0] + frame(1, c) * moved[1] + frame(2, c) * moved[2]);
-    };
-    for (int k = 0; k + 1 < used.count; ++k) fill_node(used.node[k], load);
-    // What is behind the last node may not be C's.
-    if (used.count > 0)
-      fill_node(used.node[used.count - 1], [](const double* p) noexcept {
-        return Lanes{p[0], p[1], p[2], 0};
-      });
-  }
-
-  bool deforms_ = false;
-  // One more for the last node's fourth lane.
-  std::array<std::array<double, 3 * max_patch_nodes + 1>, columns> node_{};
-  Lanes shift_[columns];
-  std::array<Vec3, columns> turn_;
-};
-
-// One contact as the others meet it. n·(turn × arm) = turn·(arm × n).
-template <int m>
-struct Probe;
-
-template <>
-struct Probe<1> {
-  Lanes normal, moment;
-  Probe() = default;
-  explicit Probe(const ContactRow& row) noexcept
-      : normal(lanes(row.frame.col(0))), moment(lanes(row.arm.cross(row.frame.col(0)))) {}
-  template <typename Sample>
-  double operator()(const Panel<1>& panel, const Sample& s, int) const noexcept {
-    const Lanes w = normal * (panel.tissue(s, 0) + panel.shift(0)) + moment * lanes(panel.turn(0));
-    return w[0] + w[1] + w[2];
-  }
-  template <typename Sample>
-  double tissue(const Panel<1>& panel, const Sample& s, int) const noexcept {
-    const Lanes w = normal * panel.tissue(s, 0);
-    return w[0] + w[1] + w[2];
-  }
-};
-
-// Lanes are the contact's three rows: no sum across them.
-template <>
-struct Probe<3> {
-  Lanes direction[3], moment[3];  // by axis of space
-  Probe() = default;
-  explicit Probe(const ContactRow& row) noexcept {
-    for (int k = 0; k < 3; ++k) direction[k] = lanes(row.frame.row(k));
-    for (int c = 0; c < 3; ++c) {
-      const Vec3 t = row.arm.cross(row.frame.col(c));
-      for (int k = 0; k < 3; ++k) moment[k][c] = t[k];
-    }
-    for (int k = 0; k < 3; ++k) moment[k][3] = 0;
-  }
-  template <typename Sample>
-  Lanes operator()(const Panel<3>& panel, const Sample& s, int c) const noexcept {
-    const Lanes u = panel.tissue(s, c) + panel.shift(c);
-    const Vec3& turn = panel.turn(c);
-    return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2] + turn[0] * moment[0] +
-           turn[1] * moment[1] + turn[2] * moment[2];
-  }
-  template <typename Sample>
-  Lanes tissue(const Panel<3>& panel, const Sample& s, int c) const noexcept {
-    const Lanes u = panel.tissue(s, c);
-    return u[0] * direction[0] + u[1] * direction[1] + u[2] * direction[2];
-  }
-};
-
-void set_column(Eigen::Matrix<double, 1, 1>& block, int, double w) noexcept { block(0, 0) = w; }
-void set_column(Mat3& block, int c, Lanes w) noexcept {
-  for (int r = 0; r < 3; ++r) block(r, c) = w[r];
 }
 
 // What the couplings of two rows' instruments have in common: B, in the rows' frames.
@@ -178,73 +66,115 @@ Mat3 coupling(const EachInstrument<Vec6>& K_inv_diag, const ContactRow& i, const
   return i.frame.transpose() * B * j.frame;
 }
 
-// Compliance that a contact lacks to a thousandth of the coupling's there; traces of the three directions.
-template <int columns>
-double missing_compliance(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row,
-                          const Panel<columns>& panel) noexcept {
-  const Vec3 turn = K_inv_diag.tail<3>();
-  double B = K_inv_diag.head<3>().sum(), G = 0;
-  for (int c = 0; c < 3; ++c) B += turn[c] * (row.arm.squaredNorm() - row.arm[c] * row.arm[c]);
-  for (int c = 0; c < columns; ++c) {
-    const Lanes u =
-        row.edge < 0 ? panel.tissue(problem.sample[row.sample], c) : panel.tissue(problem.edge[row.edge], c);
-    G += row.frame.col(c).dot(Vec3(u[0], u[1], u[2]));
-  }
-  return std::max(0.0, rigid_compliance * B / 3 - G / columns);
-}
-
-template <int m>
-void assemble(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
-              ContactRows& rows) noexcept {
-  auto W = rows.W();
-  const NodesInUse used(problem, rows);
-  Panel<m> panel;
-  std::array<Probe<m>, max_contacts> probe;
-  for (int i = 0; i < rows.contacts; ++i) probe[i] = Probe<m>(rows.row[i]);
-  for (int j = 0; j < rows.contacts; ++j) {
-    const ContactRow& of = rows.row[j];
-    panel.fill(problem, used, K_inv_diag[of.instrument], of);
-    for (int i = j; i < rows.contacts; ++i) {
-      const ContactRow& row = rows.row[i];
-      if (row.other >= 0 || of.other >= 0) {
-        Mat3 B = coupling(K_inv_diag, row, of);
-        if (i == j)
-          B.triangularView<Eigen::StrictlyUpper>() = B.transpose();  // or round-off would not be symmetric
-        W.template block<m, m>(m * i, m * j) = B.template topLeftCorner<m, m>();
-        if (i > j) W.template block<m, m>(m * j, m * i) = B.template topLeftCorner<m, m>().transpose();
-        if (i == j)
-          W.template block<m, m>(m * j, m * j).diagonal().array() += rigid_compliance * B.trace() / 3;
-        continue;
-      }
-      const bool one_instrument = row.instrument == of.instrument;
-      const auto fill = [&](const auto& sample) {
-        Eigen::Matrix<double, m, m> w;
-        for (int c = 0; c < m; ++c)
-          set_column(w, c, one_instrument ? probe[i](panel, sample, c) : probe[i].tissue(panel, sample, c));
-        if (i == j) w.template triangularView<Eigen::StrictlyUpper>() = w.transpose();
-        W.template block<m, m>(m * i, m * j) = w;
-        W.template block<m, m>(m * j, m * i) = w.transpose();
-      };
-      if (row.edge < 0)
-        fill(problem.sample[row.sample]);
-      else
-        fill(problem.edge[row.edge]);
-    }
-    if (of.other >= 0) continue;
-    const double missing = missing_compliance(problem, K_inv_diag[of.instrument], of, panel);
-    for (int c = 0; c < m; ++c) W(m * j + c, m * j + c) += missing;
-    if (of.edge >= 0) W(m * j, m * j) += of.compliance;
-  }
+// G of a contact with itself, world axes.
+template <int corners, typename Sample>
+Mat3 own_compliance(const CondensedProblem& problem, const Sample& s) noexcept {
+  Mat3 G = Mat3::Zero();
+  if (s.node[0] < 0) return G;
+  const auto C = problem.C();
+  for (int a = 0; a < corners; ++a)
+    for (int b = 0; b < corners; ++b)
+      G += s.weight[a] * s.weight[b] * C.template block<3, 3>(3 * s.node[a], 3 * s.node[b]);
+  return G;
 }
 
 }  // namespace
 
+// What a contact's compliance lacks to a thousandth of the coupling's there is added: means of the diagonal,
+// without friction G's normal entry.
+template <int m>
+void DelassusColumns<m>::own_block(int j) noexcept {
+  const ContactRow& of = rows_->row[j];
+  Mat3 W = coupling(K_inv_diag_, of, of);
+  const double of_coupling = rigid_compliance * W.trace() / 3;
+  double added = of_coupling;
+  if (of.other < 0) {
+    const Mat3 G = of.edge < 0 ? own_compliance<3>(*problem_, problem_->sample[of.sample])
+                               : own_compliance<4>(*problem_, problem_->edge[of.edge]);
+    const Mat3 G_local = of.frame.transpose() * G * of.frame;
+    added = std::max(0.0, of_coupling - (m == 1 ? G_local(0, 0) : G_local.trace() / 3));
+    W += G_local;
+  }
+  for (int c = 0; c < m; ++c)
+    for (int r = 0; r < m; ++r)
+      block(j, j)[c * n_ + r] = W(std::max(r, c), std::min(r, c)) + (r == c ? added : 0);
+  if (of.edge >= 0) *block(j, j) += of.compliance;
+}
+
+template <int m>
+void DelassusColumns<m>::begin(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
+                               ContactRows& rows) noexcept {
+  problem_ = &problem;
+  K_inv_diag_ = K_inv_diag;
+  rows_ = &rows;
+  W_ = rows.W_storage.data();
+  n_ = rows.rows();
+  used_.find(problem, rows);
+  std::fill_n(made_.begin(), rows.contacts, false);
+  count_ = 0;
+  for (int j = 0; j < rows.contacts; ++j) {
+    probe_[j] = delassus::Probe<m>(rows.row[j]);
+    own_block(j);
+  }
+}
+
+template <int m>
+void DelassusColumns<m>::make(int j) noexcept {
+  if (made_[j]) return;
+  column(j, 0);
+  made_[j] = true;
+  ++count_;
+}
+
+template <int m>
+void DelassusColumns<m>::make_all() noexcept {
+  if (count_ == rows_->contacts) return;
+  for (int j = 0; j < rows_->contacts; ++j) column(j, j);
+  mirror(W_, static_cast<int>(n_));
+  std::fill_n(made_.begin(), rows_->contacts, true);
+  count_ = rows_->contacts;
+}
+
+template <int m>
+void DelassusColumns<m>::column(int j, int first) noexcept {
+  const ContactRow& of = rows_->row[j];
+  panel_.fill(*problem_, used_, K_inv_diag_[of.instrument], of);
+  for (int i = first; i < rows_->contacts; ++i) {
+    if (i == j) continue;
+    const ContactRow& row = rows_->row[i];
+    double* const to = block(i, j);
+    if (made_[i]) {
+      for (int c = 0; c < m; ++c)
+        for (int r = 0; r < m; ++r) to[c * n_ + r] = block(j, i)[r * n_ + c];
+      continue;
+    }
+    if (row.other >= 0 || of.other >= 0) {
+      const Mat3 B = coupling(K_inv_diag_, row, of);
+      for (int c = 0; c < m; ++c) std::copy_n(B.col(c).data(), m, to + c * n_);
+      continue;
+    }
+    const bool one_instrument = row.instrument == of.instrument,
+               last = i + 1 == rows_->contacts || i + 1 == j;
+    const auto u =
+        row.edge < 0 ? panel_.tissue(problem_->sample[row.sample]) : panel_.tissue(problem_->edge[row.edge]);
+    for (int c = 0; c < m; ++c)
+      put(to + c * n_, one_instrument ? probe_[i](panel_, u.by[c], c) : probe_[i].tissue(u.by[c]), last);
+  }
+}
+
+template class DelassusColumns<1>;
+template class DelassusColumns<3>;
+
 void assemble_delassus(const CondensedProblem& problem, const EachInstrument<Vec6>& K_inv_diag,
                        ContactRows& rows) noexcept {
+  const auto assemble = [&](auto columns) {
+    columns.begin(problem, K_inv_diag, rows);
+    columns.make_all();
+  };
   if (rows.rows_per_contact == 1)
-    assemble<1>(problem, K_inv_diag, rows);
+    assemble(DelassusColumns<1>());
   else
-    assemble<3>(problem, K_inv_diag, rows);
+    assemble(DelassusColumns<3>());
 }
 
 }  // namespace hapticd

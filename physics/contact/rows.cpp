@@ -20,6 +20,7 @@
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/cutting/edge_rows.h"
 #include "physics/contact/delassus.h"
+#include "physics/contact/delassus_columns.h"
 #include "physics/contact/instrument_pairs.h"
 #include "physics/contact/missed_contact.h"
 #include "physics/contact/placed_instruments.h"
@@ -64,12 +65,14 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
   int count = 0, dropped = 0;
   std::uint32_t face = 0;
   bool near = true;
+  Vec3 outward = Vec3::Zero();
   for (int k = 0; k < problem.samples; ++k) {
     const PatchSample& sample = problem.sample[k];
     const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
     if (next) ++face;
     if (next || k == 0) near = face_near(sample, placed, x, reach);
     if (!near) continue;
+    if (next || k == 0 || sample.node[0] < 0) outward = sample_outward(problem, x, k);
     const Vec3 s = sample_position(problem, x, k);
     for (int i = 0; i < placed.count(); ++i) {
       if (!placed.at(i)) continue;
@@ -77,7 +80,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
         if (!(gap.distance < margin) &&
             !(gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) < 0))
           continue;
-        if (!(gap.normal.dot(sample_outward(problem, x, k)) < facing_away)) continue;
+        if (!(gap.normal.dot(outward) < facing_away)) continue;
         // Only where samples have several primitives within reach.
         if (count == max_patch_samples) {
           count /= 2;
@@ -157,7 +160,8 @@ Mat3 contact_frame(const Vec3& n) noexcept {
 void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
                 const InstrumentPoses& X_lin, const PatchPositions& x_lin,
                 const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
-                ContactRows& rows, const Reached* reached, PartTimes* times, double period) noexcept {
+                ContactRows& rows, const Reached* reached, PartTimes* times, double period,
+                DelassusColumns<3>* columns) noexcept {
   const Within rows_part(times, ContactPart::rows);
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
   select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, margin, reached,
@@ -206,7 +210,10 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
     set_q(rows, i, row.delta_free);
   }
   const Within delassus(times, ContactPart::delassus);
-  assemble_delassus(problem, K_inv_diag, rows);
+  if (columns && rows.rows_per_contact == 3 && rows.edges == 0)
+    columns->begin(problem, K_inv_diag, rows);
+  else
+    assemble_delassus(problem, K_inv_diag, rows);
 }
 
 void shift_rows(const CondensedProblem& problem, const InstrumentPoses& X_frozen,

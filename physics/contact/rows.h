@@ -28,6 +28,9 @@
 
 namespace hapticd {
 
+template <int m>
+class DelassusColumns;
+
 struct ContactRow {
   int sample = -1;     // index into the problem's samples; −1: another instrument or a cut's front is there
   int instrument = 0;  // a row is known by its sample, this …
@@ -120,12 +123,12 @@ Mat3 contact_frame(const Vec3& n) noexcept;
 // present; K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap
 // at the linearisation is below `margin` become rows; with `reached` those too that an earlier solve of fewer
 // rows, at the same linearisation, took through an instrument (linearised gap there < 0). period: of the
-// solve, for viscous edges [s].
+// solve, for viscous edges [s]. columns: with friction, and without edges, begun instead of making all of W.
 void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
                 const InstrumentPoses& X_lin, const PatchPositions& x_lin,
                 const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
                 ContactRows& rows, const Reached* reached = nullptr, PartTimes* times = nullptr,
-                double period = 0) noexcept;
+                double period = 0, DelassusColumns<3>* columns = nullptr) noexcept;
 
 // q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for other free poses:
 // δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.

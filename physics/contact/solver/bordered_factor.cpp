@@ -13,8 +13,6 @@
 namespace hapticd {
 namespace {
 
-constexpr std::ptrdiff_t alignment = 64 / sizeof(double);
-
 constexpr int rounded_up(int rows) noexcept {
   return (rows + row_multiple - 1) / row_multiple * row_multiple;
 }
@@ -24,12 +22,9 @@ constexpr int rounded_up(int rows) noexcept {
 // With stride ≤ most + 16 and border ≤ most / 3 the panel, corner and contribution block never take more than
 // a panel without border does, but for the rounding of their columns.
 BorderedFactor::BorderedFactor(int most)
-    : data_(static_cast<std::size_t>(most + 32) * static_cast<std::size_t>(most) + 2 * alignment),
+    : data_(static_cast<std::size_t>(most + 32) * static_cast<std::size_t>(most)),
       reciprocal_(most),
-      pivot_(most) {
-  const auto address = reinterpret_cast<std::uintptr_t>(data_.data()) / sizeof(double);
-  offset_ = (alignment - static_cast<std::ptrdiff_t>(address % alignment)) % alignment;
-}
+      pivot_(most) {}
 
 void BorderedFactor::resize(int definite, int border) noexcept {
   definite_ = definite;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "physics/compliance/factor/front_kernels.h"
+#include "physics/contact/solver/aligned_numbers.h"
 
 namespace hapticd {
 
@@ -42,15 +43,14 @@ class BorderedFactor {
   double pivot_ratio() const noexcept { return pivot_ratio_; }
 
  private:
-  double* panel() noexcept { return data_.data() + offset_; }
-  const double* panel() const noexcept { return data_.data() + offset_; }
+  double* panel() noexcept { return data_.data(); }
+  const double* panel() const noexcept { return data_.data(); }
   std::ptrdiff_t corner_at() const noexcept;  // after the panel
   bool judge_pivots() noexcept;
 
-  std::vector<double> data_;  // panel, corner, contribution block
+  AlignedNumbers data_;  // panel, corner, contribution block
   std::vector<double> reciprocal_;
   std::vector<int> pivot_;
-  std::ptrdiff_t offset_;  // to a multiple of 64 bytes
   int definite_ = 0, border_ = 0;
   int height_ = 0, stride_ = 0;
   double pivot_ratio_ = 1;

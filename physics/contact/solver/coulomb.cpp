@@ -16,7 +16,20 @@ constexpr double largest_start = 1e6;  // of the free gaps' forces
 
 CoulombFactor::CoulombFactor(int most) : mode(most), jacobian(3 * most) {}
 
-CoulombWorkspace::CoulombWorkspace(int contacts)
+void CoulombWorkspace::forget() noexcept {
+  factor.version = 0;
+  for (CoulombElimination& e : elimination) e.sticking.forget();
+}
+
+CoulombElimination::CoulombElimination(int contacts)
+    : sticking(contacts),
+      other(contacts),
+      lambda(3 * contacts),
+      mu(contacts),
+      limit(contacts),
+      workspace(contacts, false) {}
+
+CoulombWorkspace::CoulombWorkspace(int contacts, bool eliminates)
     : capacity(contacts),
       local(contacts),
       prepared(contacts),
@@ -37,7 +50,9 @@ CoulombWorkspace::CoulombWorkspace(int contacts)
       step(3 * contacts),
       anchor(3 * contacts),
       last_anchor(3 * contacts),
-      factor(contacts) {}
+      factor(contacts) {
+  if (eliminates) elimination.emplace_back(contacts);
+}
 
 double coulomb_residual(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q,
                         const Eigen::Ref<const VecX>& lambda, std::span<const double> mu,
@@ -66,13 +81,13 @@ CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<co
   const auto refuse = [&](SolveStatus status) {
     lambda.setZero();
     result.status = status;
-    ws.factor.version = 0;
+    ws.forget();
     return result;
   };
   const auto sound = [](double m) { return m >= 0 && std::isfinite(m); };
   if (contacts == 0) return result;
   if (contacts > ws.capacity) return refuse(SolveStatus::too_large);
-  if (!q.allFinite() || !all_finite(W, matrix_version, ws.finite_version) ||
+  if (!q.allFinite() || (!options.columns.make && !all_finite(W, matrix_version, ws.finite_version)) ||
       !std::all_of(mu.begin(), mu.end(), sound) ||
       !std::all_of(limit.begin(), limit.end(), [](double most) { return most >= 0; }))
     return refuse(SolveStatus::not_finite);
@@ -80,10 +95,11 @@ CoulombResult solve_coulomb(const Eigen::Ref<const MatX>& W, const Eigen::Ref<co
   const double free = std::sqrt(free_scale(q, std::span<const double>(ws.rho).first(mu.size()), limit));
   if (!std::isfinite(free)) return refuse(SolveStatus::not_finite);
   if (!(lambda.cwiseAbs().maxCoeff() <= largest_start * free)) lambda.setZero();
-  if (matrix_version == 0) ws.factor.version = 0;
+  if (matrix_version == 0) ws.forget();
   // Within one solve the matrix is the same, whatever the caller promises for the next.
   const std::uint64_t version = matrix_version ? matrix_version : std::numeric_limits<std::uint64_t>::max();
   CoulombSystem system{W, q, mu, limit, ws.rho, options.relative_diagonal, contacts, version};
+  system.columns = options.columns;
   CoulombSolve(system, lambda, ws, options, result).run();
 
   if (!lambda.allFinite() || !std::isfinite(result.residual)) return refuse(SolveStatus::not_finite);

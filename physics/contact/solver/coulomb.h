@@ -13,9 +13,10 @@
 // `not_finite` (NaN or infinity in W, q or μ, a negative μ or limit, q beyond 1e150) and `too_large` (more
 // contacts than the workspace was made for): λ is zero. A warm start of more than 1e6 times the free gaps'
 // forces is dropped: its rounding would be taken for an answer. Guarantee: no allocation, wait-free, bounded
-// by 2 max_sweeps × contacts² and 2 max_newton × contacts × rows³; with a deadline late by at most a sweep
-// and a product of W. Source: Alart and Curnier 1991; de Saxcé and Feng 1998; coulomb_solve.cpp has how,
-// where this departs from them, and what is known of existence and uniqueness.
+// by 2 max_sweeps × contacts² and 2 max_newton × contacts × rows³, and as much again for each of 8 steps that
+// eliminate; with a deadline late by at most a sweep, a product of W and the columns that it asks for.
+// Source: Alart and Curnier 1991; de Saxcé and Feng 1998; coulomb_solve.cpp has how, where this departs from
+// them, and what is known of existence and uniqueness.
 #pragma once
 
 #include <span>
@@ -24,18 +25,31 @@
 #include "physics/contact/solver/bordered_factor.h"
 #include "physics/contact/solver/deadline.h"
 #include "physics/contact/solver/lcp.h"
+#include "physics/contact/solver/sticking_elimination.h"
 
 namespace hapticd {
 
 constexpr double inside_the_cone = 1 - 1e-6;  // a contact sticks with ‖λ_t‖ / (μ λ_n) below this …
 constexpr double sticking_slip = 1e-6;        // … or with less slip than this, of tr W_ii/3 · ‖λ_i‖
 
+// Who makes W's columns as they are asked for (delassus_columns.h). Before that W has its diagonal's blocks
+// alone.
+struct ColumnsOnDemand {
+  void (*make)(void* maker, int contact) noexcept = nullptr;  // null: all of W is there
+  void* maker = nullptr;
+
+  void ask(int contact) const noexcept {
+    if (make) make(maker, contact);
+  }
+};
+
 struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;
-  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 to 320 solves after
+  double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 to 320 solves after; 0: never
   int max_sweeps = 200;
   int max_newton = 300;  // steps in all; 0: sweeps only
+  ColumnsOnDemand columns;
   Deadline deadline;
 };
 
@@ -103,9 +117,12 @@ struct CoulombFactor {
   double ns_per_flop = 0.1;  // of the last ones, where there was a clock
 };
 
-// One owner. Made for so many contacts at the most, and allocated then: 0.8 MB for those of the haptic loop.
+struct CoulombElimination;
+
+// One owner. Made for so many contacts at the most, and allocated then: 4 MB for those of the haptic loop.
 struct CoulombWorkspace {
-  explicit CoulombWorkspace(int contacts = max_contacts);
+  explicit CoulombWorkspace(int contacts = max_contacts, bool eliminates = true);
+  void forget() noexcept;  // factors that are kept
 
   int capacity;                        // contacts
   std::vector<CoulombContact> local;   // per contact
@@ -128,10 +145,22 @@ struct CoulombWorkspace {
   std::vector<double> anchor;  // forces that a raised diagonal is counted from
   std::vector<double> last_anchor;
   CoulombFactor factor;
+  // One; none in the workspace of what an elimination leaves.
+  std::vector<CoulombElimination> elimination;
   std::uint64_t finite_version = 0;  // of the last W that was seen to be finite; 0: none
   int raised = 0;                    // solves still to come with the raised diagonal …
   int last_raised = 0;               // … of so many; 0: none since one was solved without
   std::int64_t polish_ns = 0;        // of the last two sweeps, where there was a clock
+};
+
+// Of contacts that stick, and of the problem that is left.
+struct CoulombElimination {
+  explicit CoulombElimination(int contacts);
+
+  StickingElimination sticking;
+  std::vector<std::uint8_t> other;  // per contact: has been seen not to stick
+  std::vector<double> lambda, mu, limit;
+  CoulombWorkspace workspace;
 };
 
 // One contact alone: minimal λ for local matrix A (3×3, SPD) and free gap b.

@@ -32,6 +32,13 @@ void CoulombSolve::keep_start() noexcept {
   std::copy_n(ws_.delta.data(), rows_, ws_.start_delta.data());
 }
 
+// Two sweeps are to end in time from wherever the steps are.
+Deadline CoulombSolve::before_polish() const noexcept {
+  Deadline deadline = options_.deadline;
+  deadline.reserve_ns += 2 * ws_.polish_ns;
+  return deadline;
+}
+
 // λ and δ at this part of the way from the start to the trial.
 void CoulombSolve::take_step(double length) noexcept {
   if (length == 1) {
@@ -45,7 +52,8 @@ void CoulombSolve::take_step(double length) noexcept {
   }
 }
 
-// Steps that lower the merit well. Where none does, some are taken without asking, for a direction of slip
+// Steps that lower the merit well. Where none does, contacts that stick are eliminated. Where that does not
+// help, some are taken without asking, for a direction of slip
 // that turns far raises the merit before it falls; unless they end well below, or where they are lost, all is
 // put back. The shift shrinks with every step that serves, or the last ones would converge only linearly.
 void CoulombSolve::newton(const CoulombStage& stage) noexcept {
@@ -53,6 +61,7 @@ void CoulombSolve::newton(const CoulombStage& stage) noexcept {
   double merit = merit_here();
   double shift = stage.shift, goal = 0, limit = 0;
   bool fresh = shift > 0, roaming = false, astray = false;
+  bool may_eliminate = stage.raw && stage.shift == 0 && stage.stretch == 1;
   int unasked = 0;
   const auto settle = [&] { shift = shift > least_shift ? settling * shift : 0; };
   const auto take_trial = [&] {
@@ -64,8 +73,7 @@ void CoulombSolve::newton(const CoulombStage& stage) noexcept {
     if (!fresh) settle();
     if (judge(false)) merit = merit_here();
   };
-  Deadline deadline = options_.deadline;
-  deadline.reserve_ns += 2 * ws_.polish_ns;
+  const Deadline deadline = before_polish();
   while (!done() && !astray && result_.newton < most_newton_) {
     ++result_.newton;
     keep_start();
@@ -89,6 +97,16 @@ void CoulombSolve::newton(const CoulombStage& stage) noexcept {
       std::copy_n(ws_.start_delta.data(), rows_, ws_.delta.data());
       if (step.outcome == NewtonOutcome::no_time || deadline.passed()) break;
       if (step.factorisations > 0 && (roaming || !stepped)) break;
+      if (step.factorisations > 0 && may_eliminate) {
+        may_eliminate = false;
+        eliminate();
+        const double left = merit_here();
+        if (left < slow * merit) {
+          merit = left;
+          fresh = true;
+          continue;
+        }
+      }
       if (step.factorisations > 0) {
         roaming = true;
         unasked = stage.unasked;

@@ -255,6 +255,7 @@ class Reduced {
 }  // namespace
 
 void CoulombSystem::add_contact(int i, const Vec3& change, double* delta) const noexcept {
+  columns.ask(i);
   const double* c0 = W.data() + 3 * static_cast<std::ptrdiff_t>(i) * W.outerStride();
   const double* c1 = c0 + W.outerStride();
   const double* c2 = c1 + W.outerStride();
@@ -286,6 +287,7 @@ NewtonStep newton_step(const CoulombSystem& s, const double* lambda, double shif
   NewtonStep result;
   const auto factor = [&] {
     CoulombFactor& f = ws.factor;
+    for (const ReducedContact& u : reduced.contacts()) s.columns.ask(u.contact);
     const std::int64_t left = deadline.left();
     const double flops = reduced.flops();
     if (deadline.bounded() && flops * f.ns_per_flop > static_cast<double>(left)) {

@@ -31,6 +31,7 @@ struct CoulombSystem {
   std::uint64_t version;           // of W; 0: not promised to be the last one's
   const double* anchor = nullptr;  // null: zero
   double stretch = 1;              // of ρ, where contacts are sorted and judged
+  ColumnsOnDemand columns{};
 
   double limit_of(int i) const noexcept { return limit_at(limit, static_cast<std::size_t>(i)); }
   double diagonal(int i) const noexcept { return rho[i] > 0 ? epsilon / rho[i] : 0; }

@@ -39,7 +39,6 @@ constexpr int sweeps_between_checks = 4;
 constexpr int sweeps_of_polish = 2;          // and of the first run, whose time they are judged by
 constexpr int dear_steps = 8;                // LUs that the later stages are not begun without time for
 constexpr double caution = 1.5;              // of the time that is predicted for them
-constexpr double hyperstatic = 1e-5;         // ratio of LU pivots below which freedoms are missing
 constexpr int solves_raised = 20;            // that keep a raised diagonal …
 constexpr int most_solves_raised = 320;      // … twice as many each time it is needed again, to this
 constexpr int most_rounds = 8;               // in which a raised diagonal is taken off again …
@@ -64,23 +63,23 @@ CoulombSolve::CoulombSolve(CoulombSystem& system, Eigen::Ref<VecX> lambda, Coulo
       most_newton_(options.max_newton) {}
 
 void CoulombSolve::run() noexcept {
-  if (ws_.raised > 0) {
+  if (ws_.raised > 0 && options_.raised_diagonal > 0) {
     --ws_.raised;
     begin(options_.raised_diagonal);
   } else {
     begin(options_.relative_diagonal);
   }
   alternate();
-  if (done() && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0) ws_.last_raised = 0;
+  if (done() && may_raise() && result_.factorisations > 0) ws_.last_raised = 0;
   // What all of that has left unsolved is ill-posed as it stands; once more, on a softer problem.
-  if (!done() && !hurried_ && !options_.deadline.passed()) {
+  if (!done() && options_.raised_diagonal > 0 && !hurried_ && !options_.deadline.passed()) {
     raise(std::max(options_.raised_diagonal, 10 * s_.epsilon));
     most_sweeps_ += options_.max_sweeps;
     most_newton_ += options_.max_newton;
     alternate();
   }
   result_.relative_diagonal = s_.epsilon;
-  if (done() && s_.epsilon >= options_.raised_diagonal) take_off_raised();
+  if (done() && options_.raised_diagonal > 0 && !may_raise()) take_off_raised();
   if (!done()) polish();
   std::copy_n(done() ? ws_.best.data() : ws_.swept.data(), rows_, lambda_.data());
   if (done()) return;
@@ -100,7 +99,7 @@ void CoulombSolve::alternate() noexcept {
     for (const CoulombStage& stage : stages) {
       if (open() && (&stage == stages || affords(dear_steps))) newton(stage);
       if (open() && !affords(dear_steps)) hurried_ = true;
-      if (open() && &stage != stages && s_.epsilon < options_.raised_diagonal && result_.factorisations > 0 &&
+      if (open() && &stage != stages && may_raise() && result_.factorisations > 0 &&
           ws_.factor.jacobian.pivot_ratio() < hyperstatic)
         raise(options_.raised_diagonal);
     }
@@ -128,7 +127,10 @@ void CoulombSolve::begin(double epsilon) noexcept {
   s_.epsilon = epsilon;
   std::fill_n(ws_.prepared.begin(), s_.contacts, std::uint8_t{0});
   result_.residual = swept_residual_ = std::numeric_limits<double>::infinity();
-  keep_in_cones(lambda_.data());
+  for (int i = 0; i < s_.contacts; ++i) {
+    Eigen::Map<Vec3> l(lambda_.data() + 3 * i);
+    l = into_cone(l, s_.mu[i], s_.limit_of(i));
+  }
   s_.compute_delta(lambda_.data(), ws_.delta.data());
   judge(true);
 }
@@ -174,10 +176,14 @@ bool CoulombSolve::affords(int factors) const noexcept {
   return !options_.deadline.bounded() || ns < static_cast<double>(options_.deadline.left());
 }
 
-void CoulombSolve::keep_in_cones(double* lambda) const noexcept {
+// λ of every contact into its cone; ws.delta follows.
+void CoulombSolve::move_into_cones() noexcept {
   for (int i = 0; i < s_.contacts; ++i) {
-    Eigen::Map<Vec3> l(lambda + 3 * i);
-    l = into_cone(l, s_.mu[i], s_.limit_of(i));
+    Eigen::Map<Vec3> l(lambda_.data() + 3 * i);
+    const Vec3 change = into_cone(l, s_.mu[i], s_.limit_of(i)) - l;
+    if (change.isZero(0)) continue;
+    l += change;
+    s_.add_contact(i, change, ws_.delta.data());
   }
 }
 
@@ -194,8 +200,7 @@ bool CoulombSolve::judge(bool swept) noexcept {
   double residual = residual_of(lambda_.data(), ws_.delta.data());
   const bool moves = !swept && residual <= tolerance_;
   if (moves) {
-    keep_in_cones(lambda_.data());
-    s_.compute_delta(lambda_.data(), ws_.delta.data());
+    move_into_cones();
     residual = residual_of(lambda_.data(), ws_.delta.data());
   }
   rough_ = !swept;
@@ -217,9 +222,9 @@ void CoulombSolve::sweeps(int length) noexcept {
     ++result_.sweeps;
     const bool late = options_.deadline.passed();
     if (k != length && k % sweeps_between_checks != 0 && !late) continue;
-    // Rounding of the many updates must not add up.
-    keep_in_cones(lambda_.data());
-    s_.compute_delta(lambda_.data(), ws_.delta.data());
+    move_into_cones();
+    // Rounding of many updates must not add up.
+    if (k > sweeps_of_polish) s_.compute_delta(lambda_.data(), ws_.delta.data());
     judge(true);
     if (done() || late) break;
   }

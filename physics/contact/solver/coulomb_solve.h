@@ -2,12 +2,15 @@
 // raised diagonal where they stall, and proximal rounds that take it off again.
 //
 // coulomb_solve.cpp holds the turns, the rounds, the sweeps and what is judged best; coulomb_descent.cpp the
-// steps: newton, search. Guarantee: wait-free, no allocation; bounded by CoulombOptions.
+// steps: newton, search; coulomb_elimination.cpp the steps that eliminate what sticks. Guarantee: wait-free,
+// no allocation; bounded by CoulombOptions.
 #pragma once
 
 #include "physics/contact/solver/coulomb_newton.h"
 
 namespace hapticd {
+
+constexpr double hyperstatic = 1e-5;  // ratio of a factor's pivots below which freedoms are missing
 
 // How Newton is run, one after the other: ρ, the first shift of the Jacobian's diagonal, whether steps may
 // leave the cones (raw), and how many are taken without asking where none lowers the merit.
@@ -26,6 +29,9 @@ class CoulombSolve {
 
  private:
   void alternate() noexcept;  // sweeps and Newton in turns
+  void eliminate() noexcept;
+  bool sort_for_elimination() noexcept;
+  bool solve_others(const Deadline& deadline) noexcept;
   void polish() noexcept;
   void raise(double epsilon) noexcept;
   void begin(double epsilon) noexcept;
@@ -33,12 +39,13 @@ class CoulombSolve {
   void sweeps(int length) noexcept;
   void sweep() noexcept;
   bool judge(bool swept) noexcept;
-  void keep_in_cones(double* lambda) const noexcept;
+  void move_into_cones() noexcept;
   double residual_of(const double* lambda, const double* delta) const noexcept;
   double merit_here() const noexcept;
   void put_back(const double* lambda) noexcept;
   void keep_start() noexcept;
   void take_step(double length) noexcept;
+  Deadline before_polish() const noexcept;
 
   void newton(const CoulombStage& stage) noexcept;
   double search(double merit) noexcept;
@@ -47,6 +54,7 @@ class CoulombSolve {
   bool open() const noexcept {
     return !done() && !hurried_ && result_.sweeps < most_sweeps_ && !options_.deadline.passed();
   }
+  bool may_raise() const noexcept { return s_.epsilon < options_.raised_diagonal; }
   bool affords(int factors) const noexcept;  // time for so many LUs like the last one
 
   CoulombSystem& s_;

@@ -27,14 +27,9 @@ namespace hapticd {
 
 enum class SolveStatus : std::uint8_t { solved, iteration_cap, deadline, not_finite, too_large };
 
-// No entry of W is NaN or infinite; asked once for each nonzero version, which `known` remembers.
-inline bool all_finite(const Eigen::Ref<const MatX>& W, std::uint64_t version,
-                       std::uint64_t& known) noexcept {
-  if (version != 0 && version == known) return true;
-  const bool finite = (0 * W.array()).sum() == 0;
-  known = finite ? version : 0;
-  return finite;
-}
+// No entry of W's lower triangle is NaN or infinite; asked once for each nonzero version, which `known`
+// remembers.
+bool all_finite(const Eigen::Ref<const MatX>& W, std::uint64_t version, std::uint64_t& known) noexcept;
 
 struct LcpOptions {
   double tolerance = 1e-8;  // on the residual: above it, as where W is indefinite, nothing is `solved`

@@ -25,7 +25,7 @@ BodyContacts::BodyContacts(BodyContactSettings settings, double h)
                                         [](const ContactPair& p) { return p.friction <= 0; });
   rows_per_contact_ = frictionless ? 1 : 3;
   lcp_ = std::make_unique<LcpWorkspace>();
-  coulomb_ = std::make_unique<CoulombWorkspace>();
+  coulomb_ = std::make_unique<CoulombWorkspace>(max_contacts, false);
 }
 
 void BodyContacts::set_domains(const Bodies& bodies, std::span<const PatchNode> patch) {

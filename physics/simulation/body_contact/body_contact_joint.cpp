@@ -102,7 +102,7 @@ bool BodyContacts::solve_eliminating(const ContactRows& tool, std::span<const in
   VecX q_b(nb), lambda_t = taken(tool_lambda, working, 3);
   for (Eigen::Index i = 0; i < nb; ++i) q_b[i] = solved_[working_[i]].delta_free[0];
   const Friction friction(tool, working);
-  if (nt > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * static_cast<int>(nt));
+  if (nt > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * static_cast<int>(nt), false);
   if (nb > lcp_->capacity) lcp_ = std::make_unique<LcpWorkspace>(2 * static_cast<int>(nb));
   const EliminationResult r =
       solve_eliminated(W_, q_b, lambda, W_tb, W_tt, taken(tool.q(), working, 3), friction.mu, friction.limit,

@@ -107,7 +107,7 @@ void BodyContacts::solve_rows(const MatX& W, const VecX& q, std::span<const doub
   if (mu.empty()) return;
   if (m == 1 || friction_held_) return solve_normals(W, q, limit, lambda, m);
   const auto contacts = static_cast<int>(mu.size());
-  if (contacts > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * contacts);
+  if (contacts > coulomb_->capacity) coulomb_ = std::make_unique<CoulombWorkspace>(2 * contacts, false);
   const CoulombResult r = solve_coulomb(W, q, mu, lambda, *coulomb_, 0, options_of_coulomb(), limit);
   report_.status = r.residual <= CoulombOptions{}.tolerance ? SolveStatus::solved : r.status;
   report_.residual = r.residual;

@@ -16,7 +16,8 @@ std::vector<ContactCandidate> random_candidates(Random& random, int faces, int p
   std::vector<ContactCandidate> all;
   for (int f = 0; f < faces; ++f)
     for (int k = 0; k < per_face; ++k)
-      all.push_back({uniform(random, -1, 0.2), static_cast<int>(all.size()), static_cast<std::uint32_t>(f)});
+      all.push_back(
+          {uniform(random, -1, 0.2), static_cast<int>(all.size()), static_cast<std::uint32_t>(f), 0, 0});
   return all;
 }
 
@@ -31,8 +32,8 @@ std::set<int> chosen(std::vector<ContactCandidate> candidates, int capacity, int
 TEST(ContactSelection, HandChosen) {
   // Two faces: 0 has the three deepest. Capacity 4: its two deepest, then the deepest of face 1 (a first
   // round), then face 1's next (second round) before face 0's third (third round).
-  const std::vector<ContactCandidate> c = {{-5, 0, 0}, {-4, 1, 0},   {-3, 2, 0},
-                                           {-1, 3, 1}, {-0.5, 4, 1}, {0.1, 5, 1}};
+  const std::vector<ContactCandidate> c = {{-5, 0, 0, 0, 0}, {-4, 1, 0, 0, 0},   {-3, 2, 0, 0, 0},
+                                           {-1, 3, 1, 0, 0}, {-0.5, 4, 1, 0, 0}, {0.1, 5, 1, 0, 0}};
   int dropped = 0;
   EXPECT_EQ(chosen(c, 4, &dropped), (std::set<int>{0, 1, 3, 4}));
   EXPECT_EQ(dropped, 1);  // −3; the gap of 0.1 does not overlap

@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <numeric>
 #include <utility>
+#include <vector>
 
+#include "physics/contact/delassus_columns.h"
 #include "tests/support/contact_problems.h"
 
 namespace hapticd {
@@ -75,6 +79,43 @@ TEST(Rows, DelassusIsHCHtPlusJKJt) {
       const double least = Eigen::SelfAdjointEigenSolver<MatX>(MatX(s.rows->W())).eigenvalues()[0];
       EXPECT_GT(least, -1e-14 * dense.trace());
     }
+}
+
+// Columns asked for in any order are those of the whole; before that the own blocks are there, and no other.
+TEST(Rows, ColumnsOnDemandAreThoseOfTheWhole) {
+  Random random(5);
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    Scene s = pressed(seed, 0.3);
+    for (int k = 0; k < s.problem->samples; k += 3) s.problem->sample[k].node = {-1, -1, -1};
+    const auto build = [&](DelassusColumns<3>* columns) {
+      build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3,
+                 *s.rows, nullptr, nullptr, 0, columns);
+    };
+    build(nullptr);
+    const MatX whole = s.rows->W();
+    const int n = s.rows->contacts;
+    const double rounding = 1e-13 * whole.norm();
+    s.rows->W().setConstant(1e300);
+    const auto columns = std::make_unique<DelassusColumns<3>>();
+    build(columns.get());
+    std::vector<int> order(static_cast<std::size_t>(n));
+    std::iota(order.begin(), order.end(), 0);
+    std::shuffle(order.begin(), order.end(), random);
+    order.resize(order.size() / 2);
+    for (const int j : order) columns->make(j);
+    for (int j = 0; j < n; ++j) {
+      const bool asked = std::find(order.begin(), order.end(), j) != order.end();
+      EXPECT_LT((s.rows->W().block<3, 3>(3 * j, 3 * j) - whole.block<3, 3>(3 * j, 3 * j)).norm(), rounding);
+      if (!asked) continue;
+      EXPECT_LT((s.rows->W().middleCols<3>(3 * j) - whole.middleCols<3>(3 * j)).norm(), rounding);
+      for (const int i : order)
+        EXPECT_EQ((s.rows->W().block<3, 3>(3 * i, 3 * j)),
+                  (s.rows->W().block<3, 3>(3 * j, 3 * i).transpose()));
+    }
+    columns->make_all();
+    EXPECT_LT((s.rows->W() - whole).norm(), rounding);
+    EXPECT_EQ((s.rows->W() - s.rows->W().transpose()).norm(), 0);
+  }
 }
 
 TEST(Rows, FixedObstacleHasTheCouplingAndAThousandthMore) {

@@ -33,7 +33,7 @@ bool ours(const JointProblem& p, VecX& lambda, const Deadline&) {
     for (Eigen::Index i = 0; i < lambda.size(); ++i) active[i] = lambda[i] > 0;
     return solve_lcp(p.W, p.q, lambda, active, workspace, 0, LcpOptions{}).status == SolveStatus::solved;
   }
-  CoulombWorkspace workspace(p.touches());
+  CoulombWorkspace workspace(p.touches(), false);
   CoulombOptions options;
   options.tolerance = 1e-10;
   CoulombResult r = solve_coulomb(p.W, p.q, p.mu, lambda, workspace, 0, options);

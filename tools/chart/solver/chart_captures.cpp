@@ -34,6 +34,7 @@ class Captures {
     const auto captured = read_capture(file);
     const ContactCapture& c = captured->capture;
     ContactOptions options;
+    options.whole_W = true;
     options.linearisations = c.linearisations;
     options.margin = c.margin;
     options.coulomb.tolerance = c.tolerance;

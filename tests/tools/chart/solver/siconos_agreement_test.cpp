@@ -174,6 +174,7 @@ void along_the_stroke(double seconds, int most, const std::function<void(const P
   const auto scratch = std::make_unique<ContactScratch>();
   ContactState state;
   ContactOptions options;
+  options.whole_W = true;
   options.margin = 0.15 * scene.alarm_distance;
   constexpr int ticks = 20;
   int found = 0;
