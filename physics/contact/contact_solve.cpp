@@ -5,13 +5,6 @@
 // Sticking is judged by slip, ‖δ_t‖ ≤ 1e-6 · tr W_ii/3 · ‖λ_i‖, or by λ being inside its cone; a slip below
 // that adds up until it shows. An anchor that stays keeps holding still from creeping.
 //
-// Unfinished solves: Newton's unfinished steps may be anything, and friction would remember them. So a solve
-// with friction that ends at a cap or its deadline goes back to where it began, and takes turns of what nears
-// the solution from wherever it starts: normal forces for the friction there is (lcp.h), then sweeps. It
-// would end there again in the next tick: until turns alone solve one, or 200 were usable, solves have one
-// linearisation and take their turns first; with time left, the whole solver. What they reach is remembered,
-// usable or not.
-//
 // Linearisations: only about a solution. About what solves nothing the rows would be of any place, and a
 // solve of those rows no solution here, whatever its residual. So the first takes the time that it needs, a
 // later one that ends unusable is left out, and the status says so.
@@ -23,6 +16,7 @@
 #include "physics/contact/cutting/edge_rows.h"
 #include "physics/contact/missed_contact.h"
 #include "physics/contact/placed_instruments.h"
+#include "physics/contact/solver/rows_solve.h"
 
 namespace hapticd {
 namespace {
@@ -30,22 +24,9 @@ namespace {
 constexpr double most_pulled_off = 0.1;  // alarm distances
 constexpr int most_returns = 3;          // to a linearisation whose solve let tissue through
 constexpr int solves_resumed = 200;      // after one that ended unusable
-constexpr double doubtful = 0.01;  // of the usable residual: Newton's sum of forces is not to be trusted
-constexpr int first_turns =
-    3;  // of a resumed solve, of normal forces and sweeps; more would leave Newton no time
-constexpr int most_turns = 8;      // where the whole solver has not ended
-constexpr int share_of_turns = 4;  // one part of so many of the time left, where the whole solver goes first
-constexpr int sweeps_in_a_turn = 2;  // more, and the solver would try from zero
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
   return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
-}
-
-Vec3 local_lambda(const ContactScratch& scratch, int i) noexcept {
-  Vec3 l = Vec3::Zero();
-  const int m = scratch.rows.rows_per_contact;
-  for (int c = 0; c < m; ++c) l[c] = scratch.lambda[m * i + c];
-  return l;
 }
 
 void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
@@ -58,123 +39,6 @@ void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
     scratch.active[i] = l[0] > 0;
     scratch.mu[i] = row.friction;
     scratch.limit[i] = row.limit;
-  }
-}
-
-// Normal forces for the friction there is; friction stays in its cone. Edges keep their forces: theirs are
-// bounded, and sweeps move them.
-void solve_normals(const ContactOptions& options, ContactScratch& scratch) noexcept {
-  const ContactRows& rows = scratch.rows;
-  if (scratch.on_demand) scratch.columns.make_all();
-  std::array<int, max_contacts> contact;
-  int n = 0;
-  for (int i = 0; i < rows.contacts; ++i)
-    if (rows.row[i].edge < 0) contact[n++] = i;
-  const auto W = rows.W();
-  Eigen::Map<MatX> W_nn(scratch.normal_W.data(), n, n);
-  Eigen::Map<VecX> q_n(scratch.normal_q.data(), n), z(scratch.normal_lambda.data(), n);
-  for (int i = 0; i < n; ++i) {
-    z[i] = scratch.lambda[3 * contact[i]];
-    scratch.active[i] = z[i] > 0;
-    q_n[i] = rows.q()[3 * contact[i]];
-  }
-  for (int j = 0; j < n; ++j) {
-    const int of = 3 * contact[j];
-    const Vec3 l = local_lambda(scratch, contact[j]);
-    for (int i = 0; i < n; ++i) {
-      const int to = 3 * contact[i];
-      W_nn(i, j) = W(to, of);
-      q_n[i] += W(to, of + 1) * l[1] + W(to, of + 2) * l[2];
-    }
-  }
-  for (int j = 0; n < rows.contacts && j < rows.contacts; ++j)
-    for (int i = 0; rows.row[j].edge >= 0 && i < n; ++i)
-      q_n[i] += W(3 * contact[i], 3 * j) * scratch.lambda[3 * j];
-  LcpOptions lcp = options.lcp;
-  lcp.deadline = options.deadline;
-  const LcpResult r =
-      solve_lcp(W_nn, q_n, z, {scratch.active.data(), static_cast<std::size_t>(n)}, scratch.lcp, 0, lcp);
-  if (r.status != SolveStatus::solved) return;
-  for (int i = 0; i < n; ++i) {
-    Eigen::Map<Vec3> l(scratch.lambda.data() + 3 * contact[i]);
-    l[0] = z[i];
-    const double t = l.tail<2>().norm(), most = scratch.mu[contact[i]] * l[0];
-    if (t > most) l.tail<2>() *= most / t;
-  }
-}
-
-// Friction rows of `scratch`, by the Coulomb solver.
-void solve_friction(CoulombOptions options, ContactScratch& scratch, ContactSolution& out) noexcept {
-  const ContactRows& rows = scratch.rows;
-  if (scratch.on_demand)
-    options.columns = {
-        [](void* columns, int contact) noexcept { static_cast<DelassusColumns<3>*>(columns)->make(contact); },
-        &scratch.columns};
-  Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
-  const std::span<const double> mu{scratch.mu.data(), static_cast<std::size_t>(rows.contacts)};
-  const std::span<const double> limit{scratch.limit.data(), rows.edges > 0 ? mu.size() : 0};
-  const CoulombResult r =
-      solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, options, limit);
-  out.status = r.status;
-  out.residual = r.residual;
-  out.near = out.near || (options.max_newton == 0 && r.sweeps > 0);
-}
-
-bool ended(const ContactSolution& out) noexcept {
-  return out.status == SolveStatus::solved || out.status == SolveStatus::not_finite;
-}
-
-// Normal forces and sweeps; true if that solves it.
-bool take_turns(const ContactOptions& options, int turns, ContactScratch& scratch,
-                ContactSolution& out) noexcept {
-  CoulombOptions sweeps = options.coulomb;
-  sweeps.deadline = options.deadline;
-  sweeps.max_newton = 0;
-  sweeps.max_sweeps = std::min(sweeps_in_a_turn, sweeps.max_sweeps);
-  for (int turn = 0; turn < turns; ++turn) {
-    if (!options.deadline.passed()) solve_normals(options, scratch);
-    solve_friction(sweeps, scratch, out);
-    if (ended(out) || options.deadline.passed()) break;
-  }
-  return ended(out);
-}
-
-// The whole solver, with all but this part of the time; if that does not end, more turns from where it began.
-void solve_whole(const ContactOptions& options, std::int64_t reserve_ns, ContactScratch& scratch,
-                 ContactSolution& out) noexcept {
-  const ContactSolution before = out;
-  const int rows = scratch.rows.rows();
-  std::copy_n(scratch.lambda.begin(), rows, scratch.resumed_lambda.begin());
-  CoulombOptions whole = options.coulomb;
-  whole.deadline = options.deadline;
-  whole.deadline.reserve_ns += reserve_ns;
-  solve_friction(whole, scratch, out);
-  if (ended(out) || (!before.near && !(out.residual > doubtful * options.usable_residual))) return;
-  std::copy_n(scratch.resumed_lambda.begin(), rows, scratch.lambda.begin());
-  if (before.near) out = before;
-  if (!before.near || !options.deadline.passed()) take_turns(options, most_turns, scratch, out);
-}
-
-void solve_rows(const ContactOptions& options, bool resumed, ContactScratch& scratch,
-                ContactSolution& out) noexcept {
-  const Within solve(options.times, ContactPart::solve);
-  const ContactRows& rows = scratch.rows;
-  if (rows.rows_per_contact == 1) {
-    LcpOptions lcp = options.lcp;
-    lcp.deadline = options.deadline;
-    const auto contacts = static_cast<std::size_t>(rows.contacts);
-    Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
-    const LcpResult r = solve_lcp(rows.W(), rows.q(), lambda, {scratch.active.data(), contacts}, scratch.lcp,
-                                  scratch.matrix_version, lcp);
-    out.status = r.status;
-    out.residual = r.residual;
-  } else if (!resumed) {
-    const std::int64_t kept =
-        options.deadline.bounded() ? std::max<std::int64_t>(0, options.deadline.left() / share_of_turns) : 0;
-    solve_whole(options, kept, scratch, out);
-  } else if (!take_turns(options, first_turns, scratch, out) && !options.deadline.passed()) {
-    solve_whole(options, 0, scratch, out);
-    out.laboured = ended(out);
   }
 }
 
