@@ -8,7 +8,7 @@
 // A flat face has three normal freedoms, so its further samples add little that a fourth contact elsewhere
 // would not. Ties go to the lower sample index, then instrument, then primitive, so the choice is a function
 // of the set alone. Units: m. Guarantee: wait-free, no allocation, O(n) on average and
-// O(n log n) at the most; 48 kB of stack.
+// O(n log n) at the most; 34 kB of stack.
 #pragma once
 
 #include <cstdint>

@@ -53,9 +53,9 @@ void CoulombSolve::take_step(double length) noexcept {
 }
 
 // Steps that lower the merit well. Where none does, contacts that stick are eliminated. Where that does not
-// help, some are taken without asking, for a direction of slip
-// that turns far raises the merit before it falls; unless they end well below, or where they are lost, all is
-// put back. The shift shrinks with every step that serves, or the last ones would converge only linearly.
+// help, some steps are taken without asking, for a direction of slip that turns far raises the merit before it
+// falls; unless they end well below, or where they are lost, all is put back. The shift shrinks with every step
+// that serves, or the last ones would converge only linearly.
 void CoulombSolve::newton(const CoulombStage& stage) noexcept {
   s_.stretch = stage.stretch;
   double merit = merit_here();

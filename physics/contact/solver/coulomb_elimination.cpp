@@ -14,8 +14,8 @@ namespace {
 
 constexpr int most_eliminations = 8;
 constexpr double surely = 0.95;       // of the cone, within which a contact is presumed to stick
-constexpr int most_within = 16;       // sweeps, and Newton steps, of what is left …
 constexpr int most_others = 5;        // to one that sticks: beyond, what is left is as hard as the whole
+constexpr int most_within = 16;       // sweeps, and Newton steps, of what is left …
 constexpr double precise = 1e-2;      // … to this part of the residual before …
 constexpr double most_precise = 0.1;  // … or of the tolerance
 
