@@ -18,6 +18,10 @@ DeviceTuning clamped(const DeviceTuning& wanted, const DeviceTuning& started, do
   t.max_speed = std::min(wanted.max_speed, started.max_speed);
   t.workspace_radius = std::min(wanted.workspace_radius, started.workspace_radius);
   t.damping = std::min(wanted.damping, started.damping);
+  // A mistyped scale moves the instrument through everything, or takes the hand out of the scene.
+  constexpr double most_change = 4;
+  t.position_scale = std::clamp(wanted.position_scale, started.position_scale / most_change,
+                                most_change * started.position_scale);
   const double product = started.position_scale * started.force_scale;
   const double most = coupling > 0 ? std::max(stiffness / coupling, product) : product;
   if (t.position_scale * t.force_scale > most) t.force_scale = most / t.position_scale;

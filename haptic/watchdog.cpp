@@ -95,7 +95,8 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
                                                    : 0u;
 
   if (input.presence.conflict) {
-    ++s.conflicts;
+    // One that writes each tick is one conflict, not a thousand a second.
+    if (input.now_ns >= s.conflict_until_ns) ++s.conflicts;
     s.conflict_until_ns = input.now_ns + limits.conflict_shown_ns;
   }
   s.rival = input.presence.rival;
@@ -113,7 +114,10 @@ Verdict watch(const WatchdogLimits& limits, const DeviceSettings& device, const 
     s.may_arm = true;
   }
   if (input.taken) {
-    v.refusal = check_sample(device, input.sample, s.has_sample ? &s.sample : nullptr, limits.period_ns,
+    // Numbers begin anew where a client lets go of a latch: one that is far ahead, whoever sent it, would
+    // otherwise refuse all that follow.
+    const bool anew = !s.has_sample || (s.latched_by_refusals && !input.sample.enable);
+    v.refusal = check_sample(device, input.sample, anew ? nullptr : &s.sample, limits.period_ns,
                              limits.quaternion_tolerance);
     v.answers = v.refusal == Refusal::none;
     if (v.answers)

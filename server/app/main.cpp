@@ -1,6 +1,4 @@
 // hapticd SCENE.yaml: reads, checks, starts, serves until a signal, stops, reports.
-#include <sys/mman.h>
-
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -21,12 +19,15 @@
 #include "server/app/reload.h"
 #include "server/app/service.h"
 #include "server/dds/dds.h"
+#include "server/dds/key_dates.h"
 #include "server/files/input_error.h"
 #include "server/files/output_file.h"
+#include "server/files/usage.h"
 #include "server/observe/dds_log.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics_server.h"
 #include "server/os/realtime.h"
+#include "server/os/room.h"
 #include "server/plan/plan.h"
 #include "server/record/bag_writer.h"
 #include "server/scene/scene_describe.h"
@@ -58,7 +59,7 @@ void define(CLI::App& app, Arguments& a) {
   app.add_flag("--check", a.check,
                "Read everything, try and print the plan, start nothing; exit code 2 on an error");
   app.add_option("--duration", a.duration, "Stop by itself after so many seconds; 0: run until a signal")
-      ->check(CLI::NonNegativeNumber);
+      ->check(not_negative);
   app.add_option("--domain", a.domain, "DDS domain")->check(CLI::Range(0, 230))->capture_default_str();
   app.add_option("--device", a.device,
                  "Device file or name that replaces the first instrument's (limits only)");
@@ -168,19 +169,33 @@ void stand_still(int) {
   nanosleep(&time, nullptr);
 }
 
-// OpenBLAS asks for its buffers for ever where there are none, at the process's end too, and Cyclone aborts:
-// too small a limit (ulimit -v) is said before either begins. What a scene needs beyond this is said by
-// bad_alloc.
-void require_address_space() {
-  constexpr std::size_t needed = std::size_t{512} << 20;
-  void* place = mmap(nullptr, needed, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (place != MAP_FAILED) {
-    munmap(place, needed);
-    return;
+// OpenBLAS asks for its buffers for ever where there are none, at the process's end too: so this ends at
+// once.
+void require_start() {
+  try {
+    require_address_space(std::size_t{512} << 20);
+  } catch (const std::exception& e) {
+    std::cerr << "hapticd: " << e.what() << std::endl;
+    std::_Exit(run_error);
   }
-  std::cerr << "hapticd: not enough memory: " << (needed >> 20)
-            << " MB of address space are needed beyond what is used at the start (ulimit -v)" << std::endl;
-  std::_Exit(run_error);
+}
+
+// What a scene takes beyond that, as measured (server/MEASURED.md#memory): the kernel kills without a word.
+void require_room_for(const Scene& scene, const Arguments& a) {
+  const bool locks = !a.check && may_lock_memory();
+  std::int64_t nodes = 0;
+  for (const SceneBody& body : scene.bodies) nodes += static_cast<std::int64_t>(body.mesh.nodes.size());
+  const int worlds = 1 + static_cast<int>(scene.more_devices.size());
+  const int devices = static_cast<int>(scene.instruments.size()) + worlds - 1;
+  const std::int64_t base = locks ? 360'000'000 : 85'000'000;
+  require_memory(base + worlds * 32'000 * nodes,
+                 locks ? "; without the right to lock memory (ulimit -l 64) " +
+                             std::to_string((85'000'000 + worlds * 32'000 * nodes) / 1'000'000) +
+                             " MB are enough"
+                       : "");
+  if (a.check) return;
+  require_threads(12 + 3 * worlds + 2 * devices);
+  require_descriptors(24 + 4 * devices + (a.metrics.empty() ? 0 : 20));
 }
 
 // What was refused, and what that means.
@@ -218,12 +233,13 @@ int run(const Arguments& a) {
   const Notifier notifier;
   const bool human = logs_for_a_person(a);
   set_log_format(human ? LogFormat::human : LogFormat::json);
-  require_address_space();
+  require_start();
   use_one_blas_thread();
   check_outputs(a);
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
   check_recordings(a, scene);
+  require_room_for(scene, a);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
   std::optional<Security> security;
   if (a.open_network) open_network();
@@ -263,6 +279,7 @@ int run(const Arguments& a) {
   notifier.ready(ready);
 
   ServiceOptions service{.duration = a.duration, .test_hooks = a.test_hooks, .figures = {}};
+  if (security) service.key_days = days_left(*security);
   if (!a.json.empty()) service.figures = [&] { write_figures(daemon, a.json); };
   Service(daemon, reloader, notifier, signals, service).run();
   notifier.stopping();
@@ -282,9 +299,12 @@ int main(int argc, char** argv) {
   define(app, arguments);
   try {
     app.parse(argc, argv);
+    check_numbers(app);
   } catch (const CLI::ParseError& e) {
-    const int code = app.exit(e);
-    return code == 0 ? 0 : input_error;
+    const std::string fault = e.get_exit_code() == 0 ? "" : usage_fault(app, argc, argv);
+    if (fault.empty()) return app.exit(e) == 0 ? 0 : input_error;
+    std::cerr << "hapticd: " << fault << "\nRun with --help for more information.\n";
+    return input_error;
   }
   try {
     return run(arguments);

@@ -108,10 +108,12 @@ void Reloader::retune(const ReloadedDevice& started, const ReloadedDevice& wante
     const double before = now.*f.value, after = given.*f.value;
     if (after != before) r.taken.push_back(who + f.name + " " + shown(before) + " → " + shown(after));
     if (after != asked.*f.value)
-      r.clamped.push_back(
-          who + f.name + " " + shown(asked.*f.value) + " is beyond " +
-          (f.in_device_file ? "what the device started with" : "what the device displays stably") + ": " +
-          shown(after));
+      r.clamped.push_back(who + f.name + " " + shown(asked.*f.value) + " is beyond " +
+                          (f.in_device_file ? "what the device started with"
+                           : f.value == &DeviceTuning::position_scale
+                               ? "a quarter to four times what it started with"
+                               : "what the device displays stably") +
+                          ": " + shown(after));
   }
   now = given;
 }

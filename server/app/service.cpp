@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 
 #include "server/files/input_error.h"
 #include "server/observe/log.h"
@@ -37,7 +38,15 @@ Service::Service(Daemon& daemon, Reloader& reloader, const Notifier& notifier, c
       notifier_(notifier),
       signals_(signals),
       options_(std::move(options)),
-      pings_(notifier.watchdog_ns()) {}
+      pings_(notifier.watchdog_ns()) {
+  if (!options_.key_days) return;
+  constexpr double day_s = 86400, soon_days = 30;
+  keys_end_s_ = std::time(nullptr) + std::llround(day_s * *options_.key_days);
+  if (*options_.key_days < soon_days)
+    log(LogLevel::warning, "keys_end_soon",
+        "the daemon's keys end in " + std::to_string(static_cast<int>(*options_.key_days)) +
+            " days: run make_keys.sh again and restart before that");
+}
 
 LoopCounts Service::counts() const {
   LoopCounts counts;
@@ -71,6 +80,13 @@ void Service::run() {
 }
 
 void Service::look(std::int64_t now_ns) {
+  if (keys_end_s_ && !said_keys_end_ && std::time(nullptr) >= *keys_end_s_) {
+    said_keys_end_ = true;
+    log(LogLevel::error, "keys_ended",
+        "a certificate or the permissions of this daemon have ended: its clients are let go, and none can "
+        "come. "
+        "Run make_keys.sh again for new ones, and restart (haptic doctor --secure DIR says which)");
+  }
   const bool figures = log_level_now() == LogLevel::debug && now_ns - figures_ns_ >= figures_every_ns;
   if (figures) figures_ns_ = now_ns;
   for (const auto& session : daemon_.sessions()) {

@@ -3,7 +3,7 @@
 //
 //   SIGTERM, SIGINT   end      SIGUSR1   figures to a file      SIGHUP   the scene again (reload.h);
 //                                                                   of a terminal that is closed: end
-//   each 0.1 s        incidents (incidents.h); at level debug a line of figures each second
+//   each 0.1 s        incidents (incidents.h), keys that end; at level debug a line of figures each second
 //
 // Thread safety: one thread, which is not a loop's. Errors: none of its own; a reload that fails is said, and
 // nothing changes.
@@ -11,6 +11,7 @@
 
 #include <csignal>
 #include <functional>
+#include <optional>
 
 #include "server/app/daemon.h"
 #include "server/app/notify.h"
@@ -23,6 +24,7 @@ struct ServiceOptions {
   double duration = 0;            // [s]; 0: until a signal
   bool test_hooks = false;        // hapticd --test-hooks
   std::function<void()> figures;  // at SIGUSR1; none: ignored
+  std::optional<double> key_days = {};  // until the daemon's keys end; none: there are none
 };
 
 class Service {
@@ -48,7 +50,8 @@ class Service {
   Incidents incidents_;
   WatchdogPings pings_;
   std::int64_t figures_ns_ = 0;
-  bool said_out_of_room_ = false;
+  bool said_out_of_room_ = false, said_keys_end_ = false;
+  std::optional<std::int64_t> keys_end_s_;  // of CLOCK_REALTIME
 };
 
 // "ready, domain 7, secured"

@@ -8,6 +8,7 @@
 #include "server/dds/dds_sockets.h"
 #include "server/files/paths.h"
 #include "server/os/realtime.h"
+#include "server/os/room.h"
 
 namespace hapticd {
 
@@ -28,7 +29,9 @@ std::string dds_place(std::uint32_t domain, const std::string& profile_name) {
 
 namespace {
 std::atomic<bool> network_is_open{false};
-}
+// What a domain with its participant takes, and some to spare.
+constexpr int cyclone_threads = 10, cyclone_descriptors = 16;
+}  // namespace
 void open_network() noexcept { network_is_open.store(true, std::memory_order_relaxed); }
 
 dds_entity_t require(dds_entity_t code, const std::string& what) {
@@ -43,8 +46,18 @@ Domain::Domain(std::uint32_t id, const std::string& xml)
     throw std::runtime_error("DDS: cannot make " + what +
                              ": its profile asks for real-time threads and this "
                              "process has no right to SCHED_FIFO; use the profile loopback");
+  // Cyclone crashes where it gets none of these.
+  require_threads(cyclone_threads);
+  require_descriptors(cyclone_descriptors);
   const LoopbackSockets sockets(loopback_alone_);
-  entity_ = DdsEntity(require(dds_create_domain(id, xml.c_str()), what));
+  const dds_entity_t made = dds_create_domain(id, xml.c_str());
+  if (made == DDS_RETCODE_ERROR)
+    throw std::runtime_error(
+        "DDS: cannot make " + what +
+        ": Cyclone's own words are above. Where it found no free participant index, a hundred "
+        "programs use this domain: end some of them (each haptic command is one), or take "
+        "another domain with --domain");
+  entity_ = DdsEntity(require(made, what));
 }
 
 Participant::Participant(const Domain& domain, const std::optional<Security>& security) {

@@ -1,9 +1,12 @@
 #include "server/files/output_file.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -14,6 +17,11 @@ namespace hapticd {
 namespace {
 
 namespace fs = std::filesystem;
+
+// A name that is nobody else's: FILE.part might be.
+std::string temporary_beside(const std::string& path) {
+  return path + "." + std::to_string(getpid()) + ".part";
+}
 
 constexpr const char* remedy = "; --force writes over it";
 
@@ -45,6 +53,22 @@ void require_regular(const std::string& option, const fs::path& file) {
     throw InputError(file, 0, option, "is there and is not a file");
 }
 
+// A place where nothing can be written is refused before the run, not at its end: whether write_file would
+// find one: in the file's folder, or in the nearest one above it that is there.
+void require_place(const std::string& option, const fs::path& file) {
+  if (file.empty()) return;
+  std::error_code error;
+  fs::path folder = fs::absolute(file, error).parent_path();
+  while (!fs::exists(folder, error) && folder.has_relative_path()) folder = folder.parent_path();
+  if (!fs::is_directory(folder, error)) throw InputError(file, 0, option, folder.string() + " is no folder");
+  const std::string trial = temporary_beside((folder / file.filename()).string());
+  const int descriptor = open(trial.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (descriptor < 0)
+    throw InputError(file, 0, option, "cannot be written: " + folder.string() + ": " + std::strerror(errno));
+  close(descriptor);
+  unlink(trial.c_str());
+}
+
 // Takes what is to be done with each entry; a folder that is not there has none.
 void for_each_file(const std::string& option, const fs::path& folder, auto&& f) {
   if (!is_there(folder)) return;
@@ -56,8 +80,8 @@ void for_each_file(const std::string& option, const fs::path& folder, auto&& f) 
 }  // namespace
 
 void OutputRule::require_new(const std::string& option, const fs::path& file) const {
-  if (!is_there(file)) return;
   std::error_code error;
+  if (!is_there(file)) return require_place(option, file);
   if (fs::is_directory(file, error)) throw InputError(file, 0, option, "is a folder");
   const fs::file_status status = fs::status(file, error);
   if (fs::exists(status) && !fs::is_regular_file(status)) return;
@@ -65,9 +89,9 @@ void OutputRule::require_new(const std::string& option, const fs::path& file) co
 }
 
 void OutputRule::require_figures(const std::string& option, const fs::path& file) const {
-  if (!is_there(file)) return;
   require_regular(option, file);
-  if (force_) return;
+  require_place(option, file);
+  if (!is_there(file) || force_) return;
   const std::string text = beginning_of(file);
   if (!text.empty() && !is_figures(text))
     throw InputError(file, 0, option,
@@ -76,9 +100,9 @@ void OutputRule::require_figures(const std::string& option, const fs::path& file
 
 void OutputRule::require_table(const std::string& option, const fs::path& file,
                                const std::string& header) const {
-  if (!is_there(file)) return;
   require_regular(option, file);
-  if (force_) return;
+  require_place(option, file);
+  if (!is_there(file) || force_) return;
   const std::string text = beginning_of(file);
   if (!text.empty() && !text.starts_with(header))
     throw InputError(file, 0, option,
@@ -140,7 +164,8 @@ std::vector<fs::path> one_file_each(const fs::path& file, const std::vector<std:
       continue;
     }
     std::string part = as_file_name(name);
-    if (std::find(taken.begin(), taken.end(), part) != taken.end()) part += "_" + std::to_string(files.size());
+    if (std::find(taken.begin(), taken.end(), part) != taken.end())
+      part += "_" + std::to_string(files.size());
     taken.push_back(part);
     fs::path other = first;
     files.push_back(other.replace_filename(first.stem().string() + "." + part + first.extension().string()));
@@ -149,17 +174,27 @@ std::vector<fs::path> one_file_each(const fs::path& file, const std::vector<std:
 }
 
 void write_file(const std::string& path, const std::string& content) {
-  // The name is nobody else's: FILE.part might be.
-  const std::string beside = path + "." + std::to_string(getpid()) + ".part";
-  std::ofstream out(beside, std::ios::binary | std::ios::trunc);
-  out << content;
-  out.close();
   std::error_code error;
-  if (out) fs::rename(beside, path, error);
-  if (!out || error) {
-    fs::remove(beside, error);
-    throw std::runtime_error(path + ": cannot be written");
+  if (const fs::path folder = fs::path(path).parent_path(); !folder.empty())
+    fs::create_directories(folder, error);
+  const std::string beside = temporary_beside(path);
+  // Made here and now: a link of that name, which somebody else laid there, is not followed.
+  unlink(beside.c_str());
+  const int descriptor = open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  bool written = descriptor >= 0;
+  if (written) {
+    for (std::size_t at = 0; written && at < content.size();) {
+      const ssize_t n = write(descriptor, content.data() + at, content.size() - at);
+      if (n > 0)
+        at += static_cast<std::size_t>(n);
+      else if (errno != EINTR)
+        written = false;
+    }
+    written = close(descriptor) == 0 && written;
+    if (written) fs::rename(beside, path, error);
+    if (!written || error) unlink(beside.c_str());
   }
+  if (!written || error) throw std::runtime_error(path + ": cannot be written");
 }
 
 }  // namespace hapticd

@@ -1,6 +1,8 @@
 #include "server/files/paths.h"
 
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <sstream>
 
@@ -42,15 +44,19 @@ std::filesystem::path device_path(const std::string& name_or_path, const std::fi
 
 std::string read_bytes(const std::filesystem::path& file) {
   std::error_code error;
-  if (!std::filesystem::exists(file, error)) throw InputError(file, 0, "", "no such file");
+  const bool there = std::filesystem::exists(file, error);
+  if (error) throw InputError(file, 0, "", "cannot be read: " + error.message());
+  if (!there) throw InputError(file, 0, "", "no such file");
   if (std::filesystem::is_directory(file, error)) throw InputError(file, 0, "", "is a directory, not a file");
   // /dev/zero has no end.
   if (std::filesystem::is_character_file(file, error) || std::filesystem::is_block_file(file, error))
     throw InputError(file, 0, "", "is a device, not a file");
+  errno = 0;
   std::ifstream in(file, std::ios::binary);
+  if (!in.is_open()) throw InputError(file, 0, "", std::string("cannot be read: ") + std::strerror(errno));
   std::ostringstream bytes;
   if (in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
-  if (!in.is_open() || in.bad() || bytes.bad()) throw InputError(file, 0, "", "cannot be read");
+  if (in.bad() || bytes.bad()) throw InputError(file, 0, "", "cannot be read");
   return std::move(bytes).str();
 }
 

@@ -222,7 +222,9 @@ int YamlMap::choice(const std::string& key, std::initializer_list<const char*> c
   const std::vector<std::string> known(choices.begin(), choices.end());
   for (std::size_t i = 0; i < known.size(); ++i)
     if (known[i] == word) return static_cast<int>(i);
-  throw error(key, "'" + word + "' is not one of: " + listed(known));
+  const std::string hint = did_you_mean(word, known);
+  throw error(key,
+              "'" + word + "' is not one of: " + listed(known) + (hint.empty() ? "" : " (" + hint + ")"));
 }
 
 }  // namespace hapticd

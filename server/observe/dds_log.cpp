@@ -84,8 +84,7 @@ void write(LogLevel level, std::uint32_t domain, std::string_view text) {
 }
 
 void sink(void*, const dds_log_data_t* data) {
-  std::string_view text(data->message, data->size);
-  text.remove_prefix(std::min(text.size(), data->hdrsize));
+  std::string_view text(data->message, data->size);  // its header is before it
   while (!text.empty() && (text.back() == '\n' || text.back() == '\0')) text.remove_suffix(1);
   const LogLevel level = data->priority & (DDS_LC_FATAL | DDS_LC_ERROR) ? LogLevel::error : LogLevel::warning;
   // After its last word Cyclone ends the process.

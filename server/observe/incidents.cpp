@@ -16,7 +16,7 @@ constexpr std::array<Watched, 8> watched = {
     {{&LoopCounters::deadline_misses, "deadline_misses", "haptic ticks ended after their deadline"},
      {&LoopCounters::missed, "slots_missed", "haptic slots were missed"},
      {&LoopCounters::refused, "states_rejected", "device states were rejected"},
-     {&LoopCounters::conflicts, "conflicts", "device states came from a second client"},
+     {&LoopCounters::conflicts, "conflicts", "times a second client wrote for this device: not rendered"},
      {&LoopCounters::solver_caps, "solver_caps", "contact solves ended at their cap or deadline"},
      {&LoopCounters::overruns, "sim_overruns", "simulation steps were left out"},
      {&LoopCounters::references_failed, "references_failed", "bases failed"},
@@ -42,7 +42,11 @@ std::vector<Incident> Incidents::look(std::int64_t now_ns, const LoopCounters& c
         "it: stop "
         "one of the two, or give it another domain or device id");
   if (rose & status_latched)
-    say(LogLevel::warning, "latched", "latched: no force until its client lets go and asks again");
+    say(LogLevel::warning, "latched",
+        "latched: no force until its client lets go (enable false) and asks again; three states in a row "
+        "were "
+        "refused (a number that does not rise, a jump, a quaternion that is not unit, NaN), or a force was "
+        "not finite, or a second daemon was heard");
   if (rose & status_not_finite) say(LogLevel::error, "not_finite", "a force was not finite");
   for (std::size_t i = 0; i < watched.size(); ++i) {
     Kind& kind = d.kinds[i];

@@ -125,7 +125,8 @@ std::string prometheus_text(const ProcessMetrics& process, const std::vector<Met
          &M::deadline_misses);
   p.each("hapticd_haptic_answered_total", counter, "Ticks with a new valid device state.", &M::answered);
   p.each("hapticd_states_rejected_total", counter, "Device states that were refused.", &M::rejected);
-  p.each("hapticd_conflicts_total", counter, "States of a second client.", &M::conflicts);
+  p.each("hapticd_conflicts_total", counter, "Times that a second client wrote for the device.",
+         &M::conflicts);
   p.each("hapticd_foreign_forces_total", counter, "Forces that somebody else wrote for the device.",
          &M::foreign_forces);
   p.each("hapticd_solver_caps_total", counter, "Contact solves that ended at their cap or deadline.",

@@ -22,9 +22,21 @@ class HttpServer::Visit : public std::enable_shared_from_this<Visit> {
         stream_(std::move(socket)),
         ticket_(&server, [](HttpServer* s) { --s->connections_; }) {
     ++server_.connections_;
+    place_ = server_.visits_.insert(server_.visits_.end(), this);
+  }
+  ~Visit() { leave(); }
+  Visit(const Visit&) = delete;
+  Visit& operator=(const Visit&) = delete;
+
+  // Whoever waits for it hears an error, and lets go.
+  void close() noexcept {
+    leave();
+    Error ignored;
+    stream_.socket().close(ignored);
   }
 
   void read() {
+    step();
     parser_.emplace();
     parser_->header_limit(static_cast<std::uint32_t>(server_.limits_.header));
     parser_->body_limit(server_.limits_.body);
@@ -35,8 +47,22 @@ class HttpServer::Visit : public std::enable_shared_from_this<Visit> {
   }
 
  private:
+  using Place = std::list<Visit*>::iterator;
+
+  void step() noexcept {
+    if (place_) server_.visits_.splice(server_.visits_.end(), server_.visits_, *place_);
+  }
+  void leave() noexcept {
+    if (place_) server_.visits_.erase(*place_);
+    place_.reset();
+  }
+
   void answer() {
+    step();
     const Request& request = parser_->get();
+    // Which of two would be meant, a proxy and this server may see differently.
+    if (request.count(http::field::host) > 1)
+      return say(http_text(http::status::bad_request, "One Host, not several.\n"));
     std::optional<Response> response;
     try {
       response = server_.handlers_.answer(request);
@@ -45,6 +71,7 @@ class HttpServer::Visit : public std::enable_shared_from_this<Visit> {
     }
     if (response) return say(std::move(*response));
     stream_.expires_never();
+    leave();
     if (server_.handlers_.take_over)
       server_.handlers_.take_over(request, stream_.release_socket(), std::move(ticket_));
   }
@@ -69,6 +96,7 @@ class HttpServer::Visit : public std::enable_shared_from_this<Visit> {
   HttpServer& server_;
   beast::tcp_stream stream_;
   Ticket ticket_;
+  std::optional<Place> place_;
   beast::flat_buffer buffer_{2 * server_.limits_.header + server_.limits_.body};
   std::optional<http::request_parser<http::string_body>> parser_;
   Response response_;
@@ -93,11 +121,26 @@ void HttpServer::stop() noexcept {
   if (thread_.joinable()) thread_.join();
 }
 
+bool HttpServer::close_oldest() noexcept {
+  if (visits_.empty()) return false;
+  visits_.front()->close();
+  return true;
+}
+
 void HttpServer::accept() {
   acceptor_.async_accept([this](Error e, Socket socket) {
     if (e == asio::error::operation_aborted) return;
-    if (!e && connections_ < limits_.connections) std::make_shared<Visit>(*this, std::move(socket))->read();
-    accept();
+    if (!e) {
+      if (connections_ < limits_.connections || close_oldest())
+        std::make_shared<Visit>(*this, std::move(socket))->read();
+      return accept();
+    }
+    // No descriptor, say: the connection stays in the queue, and asking again at once would ask for ever.
+    close_oldest();
+    pause_.expires_after(std::chrono::milliseconds(100));
+    pause_.async_wait([this](Error cancelled) {
+      if (!cancelled) accept();
+    });
   });
 }
 

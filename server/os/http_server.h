@@ -3,19 +3,22 @@
 //   accept → read a request → answer(request) → write → the next request, or the end
 //
 // The handler says status, headers and body. Length, HEAD, keep-alive and the `Allow` of a 405 are added
-// here. Where it answers nothing, `take_over` gets the connection (a WebSocket); without one the connection
-// closes, as after an exception. Above `Limits::connections` a connection closes as it comes; one that is
-// silent for `patience` closes too. Thread safety: handlers run in the server's thread, at the priority of
-// its maker; all else belongs to the maker. Errors: the constructor throws boost::system::system_error where
-// it cannot listen.
+// here; a request with two `Host` is a 400. Where it answers nothing, `take_over` gets the connection (a
+// WebSocket); without one the connection closes, as after an exception. A connection that comes above
+// `Limits::connections`, or when there is no descriptor, takes the place of the one that has gone longest
+// without a step; where all are taken over it closes. One that is silent for `patience` closes too. Thread
+// safety: handlers run in the server's thread, at the priority of its maker; all else belongs to the maker.
+// Errors: the constructor throws boost::system::system_error where it cannot listen.
 #pragma once
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/http.hpp>
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <list>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -57,12 +60,15 @@ class HttpServer {
   class Visit;
 
   void accept();
+  bool close_oldest() noexcept;
 
   const Limits limits_;
   const Handlers handlers_;
   int connections_ = 0;
+  std::list<Visit*> visits_;       // not yet taken over; in the order of their last steps, the oldest first
   boost::asio::io_context io_{1};  // ends before the above, which its handlers use
   boost::asio::ip::tcp::acceptor acceptor_{io_};
+  boost::asio::steady_timer pause_{io_};  // where there is no descriptor
   std::thread thread_;
 };
 

@@ -14,6 +14,7 @@ namespace hapticd {
 namespace {
 
 constexpr double unit_tolerance = 1e-2;
+constexpr double farthest = 3;  // [m]
 const std::vector<std::string> column_names = {"t", "px", "py", "pz", "qx", "qy", "qz", "qw", "buttons"};
 // What our own recordings (`hapticd --record`, `haptic replay --forces`) carry beside the motion.
 const std::vector<std::string> passed_over = {"tick",
@@ -139,6 +140,10 @@ class Parser {
     if (!samples_.empty() && !(sample.t > samples_.back().t))
       throw error(time, "the time does not rise (it was " + std::to_string(samples_.back().t) + " before)");
     sample.pose.p = scale_ * Vec3(v[px], v[py], v[pz]);
+    for (int i = 0; i < 3; ++i)
+      if (std::abs(sample.pose.p[i]) > farthest)
+        throw error(px + i, std::to_string(sample.pose.p[i]) + " m is beyond any device's reach" +
+                                (scale_ == 1 ? " (in millimetres? Say --units mm, or write metres)" : ""));
     sample.pose.q = Quat(v[qw], v[qx], v[qy], v[qz]);
     const double norm = sample.pose.q.norm();
     if (std::abs(norm - 1) > unit_tolerance)

@@ -1,5 +1,8 @@
 #include "server/scene/device_reader.h"
 
+#include <algorithm>
+
+#include "server/files/paths.h"
 #include "server/files/yaml_keys.h"
 
 namespace hapticd {
@@ -16,6 +19,28 @@ constexpr NumberRange quantum{0, 1e-2, false, false, "metres; 0 where it is not 
 constexpr NumberRange stiffness{0, 1e6, true, false, "newtons per metre"};
 
 }  // namespace
+
+std::string no_such_device(const std::string& name, const std::filesystem::path& file) {
+  if (std::filesystem::path(name).has_parent_path() || std::filesystem::path(name).has_extension())
+    return "no such file: " + file.string();
+  std::vector<std::string> known;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(file.parent_path(), error))
+    if (entry.path().extension() == ".yaml") known.push_back(entry.path().stem().string());
+  std::sort(known.begin(), known.end());
+  const std::string hint = did_you_mean(name, known);
+  return "no device '" + name + "' in " + file.parent_path().string() + " (" +
+         (hint.empty() ? "" : hint + " ") + "there are: " + (known.empty() ? "none" : listed(known)) +
+         "; or name a file)";
+}
+
+DeviceFile read_named_device(const std::string& name_or_path, const std::filesystem::path& base) {
+  const std::filesystem::path file = device_path(name_or_path, base);
+  std::error_code error;
+  if (!std::filesystem::exists(file, error) && !error)
+    throw InputError(file, 0, "device", no_such_device(name_or_path, file));
+  return read_device(file);
+}
 
 DeviceFile read_device(const std::filesystem::path& file) {
   const YamlMap yaml = YamlMap::open(file);

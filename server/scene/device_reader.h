@@ -19,4 +19,10 @@ struct DeviceFile {
 
 DeviceFile read_device(const std::filesystem::path& file);
 
+// By a name of config/devices or by path (paths.h).
+DeviceFile read_named_device(const std::string& name_or_path, const std::filesystem::path& base);
+
+// What to say where the file for that name is not there: which there are, and the nearest.
+std::string no_such_device(const std::string& name, const std::filesystem::path& file);
+
 }  // namespace hapticd

@@ -10,7 +10,7 @@
 namespace hapticd {
 namespace {
 
-constexpr NumberRange young{0, 1e12, true, false,
+constexpr NumberRange young{1, 1e12, false, false,
                             "Young's modulus in pascals; soft tissue has kilopascals: 3e3"};
 constexpr NumberRange poisson{-1, 0.5, true, true, "Poisson's ratio; 0.5 would be incompressible"};
 constexpr NumberRange poisson_cap{0, 0.5, true, true, "Poisson's ratio that linear tetrahedra bear: 0.45"};
@@ -23,7 +23,8 @@ constexpr NumberRange cutting_viscosity{0, 1e6, false, false,
 constexpr NumberRange new_nodes{1, 100000, false, false, "nodes that cuts may add"};
 constexpr NumberRange faces_per_step{1, 1000, false, false, "faces that may tear in one step"};
 constexpr NumberRange friction{0, 10, false, false, "Coulomb's coefficient; 0: frictionless"};
-constexpr NumberRange length{0, 10, true, false, "metres"};
+constexpr NumberRange length{0, 2, true, false, "metres"};
+constexpr NumberRange radius{0, 0.2, true, false, "metres; a phaco tip has 5e-4"};
 
 std::vector<std::string> names_of(const std::vector<MeshGroup>& groups) {
   std::vector<std::string> names;
@@ -130,7 +131,7 @@ Primitive read_primitive(const YamlMap& yaml) {
     yaml.only({"name", "shape", "radius", "length", "position", "orientation", "from", "to"});
     read_axis(yaml, primitive);
   }
-  primitive.radius = yaml.number("radius", length);
+  primitive.radius = yaml.number("radius", radius);
   return primitive;
 }
 

@@ -24,7 +24,8 @@ constexpr NumberRange port_length{0, 0.1, true, false, "metres"};
 constexpr NumberRange vacuum{0, 101325, false, false,
                              "pascals below the surroundings; a phaco machine's reach 80 kPa"};
 constexpr NumberRange rise_time{0, 60, false, false, "seconds; the pump's time constant"};
-constexpr NumberRange position_scale{0, 1e3, true, false, "scene metres per device metre"};
+constexpr NumberRange position_scale{1e-3, 1e2, false, false,
+                                     "scene metres per device metre; 0.1 for a small scene"};
 constexpr NumberRange force_scale{0, 1e6, true, false, "device newtons per scene newton"};
 constexpr NumberRange between_instruments{0, 2, false, false, "Coulomb's coefficient; 0: frictionless"};
 
@@ -78,20 +79,18 @@ RemovalSettings read_removal(const YamlMap& yaml) {
   return removal;
 }
 
-std::string no_such_device(const std::filesystem::path& file) {
-  return "no such file: " + file.string() + " (a name from config/devices, or a path)";
-}
-
 std::filesystem::path device_file_of(const YamlMap& yaml) {
   const std::filesystem::path file = device_path(yaml.text("device"), yaml.folder());
-  if (!std::filesystem::is_regular_file(file)) throw yaml.error("device", no_such_device(file));
+  if (!std::filesystem::is_regular_file(file))
+    throw yaml.error("device", no_such_device(yaml.text("device"), file));
   return file;
 }
 
 // Of a name that stands on the command line, not in the scene.
 std::filesystem::path device_file_of(const std::string& name) {
   const std::filesystem::path file = device_path(name, std::filesystem::current_path());
-  if (!std::filesystem::is_regular_file(file)) throw InputError(file, 0, "device", no_such_device(file));
+  if (!std::filesystem::is_regular_file(file))
+    throw InputError(file, 0, "device", no_such_device(name, file));
   return file;
 }
 

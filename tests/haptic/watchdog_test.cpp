@@ -252,6 +252,30 @@ TEST_F(Watchdog, EveryKindOfRefusalCountsTowardsTheLatch) {
   EXPECT_TRUE(v.status & status_latched);
 }
 
+// A state far ahead of its client's numbers, whoever sent it: the client lets go, and is served again.
+TEST_F(Watchdog, NumbersBeginAnewWhereALatchIsLetGo) {
+  arm();
+  WatchdogInput in = input(true, ms);
+  in.sample.sequence = std::uint64_t{1} << 63;
+  EXPECT_EQ(tick(in).refusal, Refusal::none);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(fed().refusal, Refusal::sequence_not_rising);
+  EXPECT_TRUE(fed().status & status_latched);
+  enable = false;
+  EXPECT_EQ(fed().status, status_disarmed);
+  enable = true;
+  EXPECT_EQ(fed().status, status_ramping_up);
+}
+
+TEST_F(Watchdog, WhoWritesEveryTickIsOneConflict) {
+  arm();
+  for (int i = 0; i < 500; ++i) {
+    WatchdogInput in = input(true, ms);
+    in.presence.conflict = true;
+    tick(in);
+  }
+  EXPECT_LE(state.conflicts, 5u);
+}
+
 TEST_F(Watchdog, ConflictShowsFor100msAndChangesNothingForTheFirst) {
   arm();
   WatchdogInput in = input(true, ms);

@@ -5,6 +5,7 @@
 #include "physics/compliance/blas_threads.h"
 #include "server/dds/dds.h"
 #include "server/files/input_error.h"
+#include "server/files/usage.h"
 #include "tools/cli/command.h"
 #include "tools/cli/interrupt.h"
 
@@ -23,13 +24,18 @@ int main(int argc, char** argv) {
                               add_soak(application),   add_abuse(application),  add_mesh(application),
                               add_doctor(application), add_record(application), add_stability(application),
                               add_view(application)};
-  application.add_flag_callback("--open-network", open_network,
-                                "before the command: use an interface that the DDS profile names without --secure; "
-                                "whoever is on that network is trusted");
+  application.add_flag_callback(
+      "--open-network", open_network,
+      "before the command: use an interface that the DDS profile names without --secure; "
+      "whoever is on that network is trusted");
   try {
     application.parse(argc, argv);
+    check_numbers(application);
   } catch (const CLI::ParseError& error) {
-    return application.exit(error) == 0 ? 0 : 2;
+    const std::string fault = error.get_exit_code() == 0 ? "" : usage_fault(application, argc, argv);
+    if (fault.empty()) return application.exit(error) == 0 ? 0 : 2;
+    std::fprintf(stderr, "haptic: %s\nRun with --help for more information.\n", fault.c_str());
+    return 2;
   }
   catch_interrupts();
   try {

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "server/files/paths.h"
+#include "server/files/usage.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/device_reader.h"
 #include "tools/cli/command.h"
@@ -102,8 +103,7 @@ TimedScript target_script(const std::shared_ptr<const Trajectory>& path, double 
 
 void apply_device(HandOptions& options, const CLI::App& app) {
   if (options.device.empty()) return;
-  const DeviceSettings limits =
-      read_device(device_path(options.device, std::filesystem::current_path())).limits;
+  const DeviceSettings limits = read_named_device(options.device, std::filesystem::current_path()).limits;
   if (app.count("--saturation") == 0) options.hand.saturation = limits.max_force;
   options.session.client.device_id = limits.id;
 }
@@ -203,7 +203,7 @@ Command add_hand(CLI::App& application) {
       "hand",
       "A simulated hand on a simulated device: mass, damping and a spring to a target, closed over DDS.");
   const auto number = [&](const char* name, double& value, const char* text) {
-    app->add_option(name, value, text)->check(CLI::NonNegativeNumber)->capture_default_str();
+    app->add_option(name, value, text)->check(not_negative)->capture_default_str();
   };
   number("--mass", options->hand.mass, "of hand and device at the stylus [kg]");
   number("--stiffness", options->hand.stiffness, "of the grip [N/m]");

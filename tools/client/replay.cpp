@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "server/files/usage.h"
 #include "server/record/bag_reader.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_reader.h"
@@ -271,7 +272,7 @@ Command add_replay(CLI::App& application) {
   CLI::Option* centre = app->add_flag("--centre,--center", options->centre,
                                       "put the recording's mean position at the device's origin");
   app->add_option("--scale", options->scale, "scale the positions, after centring")
-      ->check(CLI::PositiveNumber)
+      ->check(positive)
       ->capture_default_str();
   app->add_option("--from-scene", options->from_scene,
                   "the file moves the instrument in this scene's coordinates: map it to the device's")

@@ -248,6 +248,18 @@ std::string forces_csv(const Played& played) {
   return text;
 }
 
+// The first slot of those at the end that were answered without force, all of them; −1: there are none.
+std::int64_t disarmed_since(const DeviceClient& client) {
+  std::int64_t since = -1;
+  for_each_answer(client, [&](std::int64_t k, const hapticd_msg_ForceCommand& m) {
+    if (!(m.status & (status_disarmed | status_latched)))
+      since = -1;
+    else if (since < 0)
+      since = k;
+  });
+  return since;
+}
+
 std::string fault_of(const Played& played, const SessionOptions& options) {
   const DeviceClient& client = played.client;
   if (client.second_daemon())
@@ -255,6 +267,14 @@ std::string fault_of(const Played& played, const SessionOptions& options) {
            std::to_string(client.device_id()) + " in domain " + std::to_string(options.client.domain) +
            ": stop one of the two";
   if (!client.complete()) return "interrupted before the end";
+  // Slots at the end that were answered without force count as unanswered; where the machine is watched, a
+  // stall may have let the device go, and is judged apart.
+  const std::int64_t since = options.client.enable && !played.machine ? disarmed_since(client) : -1;
+  if (since >= 0 && share(since, client.book().scheduled()) < options.min_answered)
+    return "disarmed from " + fixed(1e-3 * static_cast<double>(since), 3) +
+           " s on and never armed again: no force was felt after that (the client or the machine paused for "
+           "100 "
+           "ms, or the daemon latched: its log says which)";
   const double answered = played.machine ? answered_between_stalls(client.book(), played.machine->stalls)
                                          : share(client.book().answered(), client.book().scheduled());
   if (answered >= options.min_answered) return "";

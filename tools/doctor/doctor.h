@@ -36,10 +36,6 @@ std::vector<Finding> check_daemon(std::uint32_t domain, const std::optional<Secu
 // The other end of check_dds, for `seconds`: answers every state by a force of its number.
 int answer_dds(std::uint32_t domain, double seconds);
 
-// Days until a document or certificate ends; nothing where it says none.
-std::optional<double> days_left_of_certificate(const std::string& pem);
-std::optional<double> days_left_of_permissions(const std::string& text);
-
 Health worst(const std::vector<Finding>& findings);
 std::string to_text(const std::vector<Finding>& findings);
 nlohmann::ordered_json to_json(const std::vector<Finding>& findings);

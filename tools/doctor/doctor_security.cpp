@@ -1,17 +1,12 @@
 // The part of `haptic doctor` that is about keys: all there, not ending, not for everybody's eyes.
-#include <openssl/bio.h>
-#include <openssl/pem.h>
-#include <openssl/x509.h>
 #include <sys/stat.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <regex>
 
 #include "server/dds/dds_security.h"
+#include "server/dds/key_dates.h"
 #include "server/files/paths.h"
 #include "tools/doctor/doctor.h"
 
@@ -46,29 +41,6 @@ Finding privacy(const std::string& name, const fs::path& key) {
 
 }  // namespace
 
-std::optional<double> days_left_of_certificate(const std::string& pem) {
-  const std::unique_ptr<BIO, decltype(&BIO_free)> bio(
-      BIO_new_mem_buf(pem.data(), static_cast<int>(pem.size())), &BIO_free);
-  const std::unique_ptr<X509, decltype(&X509_free)> certificate(
-      PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr), &X509_free);
-  int days = 0, seconds = 0;
-  if (!certificate || !ASN1_TIME_diff(&days, &seconds, nullptr, X509_get0_notAfter(certificate.get())))
-    return std::nullopt;
-  return days + seconds / 86400.0;
-}
-
-std::optional<double> days_left_of_permissions(const std::string& text) {
-  static const std::regex ends(R"(<not_after>\s*([^<\s]+)\s*</not_after>)");
-  std::optional<double> least;
-  for (auto i = std::sregex_iterator(text.begin(), text.end(), ends); i != std::sregex_iterator(); ++i) {
-    tm parts{};
-    if (!strptime((*i)[1].str().c_str(), "%Y-%m-%dT%H:%M:%S", &parts)) return std::nullopt;
-    const double days = std::difftime(timegm(&parts), time(nullptr)) / 86400.0;
-    least = least ? std::min(*least, days) : days;
-  }
-  return least;
-}
-
 std::vector<Finding> check_security(const fs::path& keys) {
   std::vector<Finding> out;
   std::error_code error;
@@ -77,13 +49,18 @@ std::vector<Finding> check_security(const fs::path& keys) {
     if (!fs::is_directory(keys / role, error)) continue;
     ++roles;
     const std::string name = std::string("keys of ") + role;
+    const Finding key = privacy(name, keys / role / "key.pem");
+    if (key.health == Health::fail && fs::exists(keys / role / "key.pem", error)) {
+      out.push_back(key);  // which no program takes
+      continue;
+    }
     try {
       const Security s = security_files(keys, role);
       out.push_back(expiry(name, s.certificate, days_left_of_certificate(read_bytes(s.certificate)),
                            std::string("delete its folder and run ") + make + " again"));
       out.push_back(expiry(name, s.permissions, days_left_of_permissions(read_bytes(s.permissions)),
                            std::string("run ") + make + " again: it signs anew"));
-      out.push_back(privacy(name, s.key));
+      out.push_back(key);
     } catch (const std::exception& e) {
       out.push_back({name, Health::fail, e.what(), std::string("run ") + make + " again"});
     }

@@ -26,7 +26,7 @@ DeviceSettings limits_of(const std::string& device) {
         "DriverOptions::device is empty: whose limits may its forces reach? Name a file of config/devices "
         "(touch, "
         "omega_6, …) or give one of your own, with a slash or .yaml in it");
-  return read_device(device_path(device, std::filesystem::current_path())).limits;
+  return read_named_device(device, std::filesystem::current_path()).limits;
 }
 
 std::int64_t now_ns() noexcept {

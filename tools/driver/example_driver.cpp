@@ -29,8 +29,15 @@ int main(int argc, char** argv) try {
   SineDevice device;
   hapticd::DriverOptions options;
   options.device = "touch";  // your device's limits: a file of config/devices, or one like it
-  if (argc > 1) options.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
+  char* end = nullptr;
+  if (argc > 1) options.domain = static_cast<std::uint32_t>(std::strtoul(argv[1], &end, 10));
   if (argc > 2) options.keys = argv[2];
+  if (argc > 3 || (end && (end == argv[1] || *end != '\0'))) {
+    std::fprintf(stderr, "Usage: example_driver [DOMAIN [KEYS]]\n");
+    return 2;
+  }
+  std::fprintf(stderr, "presses into the daemon of DDS domain %u, now or when one comes; Ctrl-C ends\n",
+               options.domain);
   const hapticd::DriverReport report = hapticd::run_driver(device, options);
   std::printf("%llu states sent, %llu answered, %.1f ms without a force at most\n",
               static_cast<unsigned long long>(report.sent), static_cast<unsigned long long>(report.answered),

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "server/files/output_file.h"
+#include "server/files/usage.h"
 #include "server/observe/bag_recorder.h"
 #include "server/record/bag_writer.h"
 #include "tools/cli/command.h"
@@ -165,7 +166,7 @@ Command add_record(CLI::App& application) {
   app->add_option("--vtk", o->vtk, "write the scene 25 times a second for ParaView, DIR/scene.pvd")
       ->type_name("DIR");
   app->add_option("--duration", o->duration, "stop after so many seconds; 0: at Ctrl-C")
-      ->check(CLI::NonNegativeNumber)
+      ->check(not_negative)
       ->capture_default_str();
   app->add_option("--wait", o->wait, "how long to wait for a daemon [s]")->capture_default_str();
   app->add_option("--domain", o->domain, "DDS domain of the daemon")

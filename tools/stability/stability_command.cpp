@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "server/files/paths.h"
+#include "server/files/usage.h"
 #include "server/scene/scene_reader.h"
 #include "tools/chart/chart.h"
 #include "tools/cli/command.h"
@@ -266,12 +267,13 @@ bool print(const RandomReport& r) {
 
 bool print(const StabilityChart& chart) {
   bool all = true;
-  std::printf("%-20s %9s %9s %9s %9s\n", "mode", "naive", "default", "bound", "required");
+  std::printf("%-20s %9s %9s %9s %9s  %-10s %s\n", "mode breaks at", "naive", "default", "bound", "required",
+              "", "value of");
   for (const StabilityMode& m : chart.modes) {
-    std::printf("%-20s %9s %9s %9s %9s  %s\n", m.mode.c_str(), at(m.naive_breaks_at).c_str(),
+    std::printf("%-20s %9s %9s %9s %9s  %-10s %s\n", m.mode.c_str(), at(m.naive_breaks_at).c_str(),
                 at(m.default_breaks_at).c_str(), at(m.plan.analytic_bound).c_str(),
                 at(m.plan.required).c_str(),
-                m.survives ? (m.ends_safe ? "safe state" : "survives") : "BREAKS");
+                m.survives ? (m.ends_safe ? "safe state" : "survives") : "BREAKS", m.plan.parameter.c_str());
     if (m.plan.goes_on) print_points(m);
     all = all && m.survives;
   }
@@ -361,12 +363,12 @@ Command add_stability(CLI::App& application) {
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
   app->add_option("--ticks", options->settings.random_ticks,
                   "of random, carve, random two and random cuts, default a million")
-      ->check(CLI::PositiveNumber);
+      ->check(positive);
   app->add_option("--seed", options->settings.random_seed,
                   "of the first episode of random (40 000 ticks), carve (100 000) and random cuts (8 000); "
                   "the next has "
                   "the next")
-      ->check(CLI::PositiveNumber);
+      ->check(positive);
   app->footer(
       "Exit code 1 where the daemon breaks within what is required of it.\n"
       "Example: haptic stability --quick --out build/stability");

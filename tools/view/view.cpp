@@ -6,6 +6,7 @@
 #include <optional>
 #include <thread>
 
+#include "server/files/usage.h"
 #include "server/os/realtime.h"
 #include "tools/cli/command.h"
 #include "tools/cli/interrupt.h"
@@ -151,7 +152,7 @@ Command add_view(CLI::App& application) {
       ->capture_default_str();
   app->add_option("--page", o->page, "the page's files, if not the installed ones")->type_name("DIR");
   app->add_option("--duration", o->duration, "stop after so many seconds; 0: at Ctrl-C")
-      ->check(CLI::NonNegativeNumber)
+      ->check(not_negative)
       ->capture_default_str();
   app->footer(
       "The daemon does not know who looks; stop and start either as you like.\n"

@@ -51,6 +51,27 @@ class OutputFile : public testing::Test {
 const std::string tools_figures = "{\n  \"command\": \"replay\",\n  \"file\": \"a\"\n}\n";
 const std::string daemon_figures = "{\n  \"grants\": [],\n  \"haptic_rate_hz\": 1000.0\n}\n";
 
+// Found before the run, not at its end. /proc refuses root too.
+TEST_F(OutputFile, APlaceWhereNothingCanBeWrittenIsRefused) {
+  for (const fs::path& p : {fs::path("/proc/none.json"), fs::path("/proc/none/none.json"),
+                            file("is_a_file", "x") / "none.json", folder_ / std::string(300, 'x')})
+    for (const bool force : {false, true}) {
+      const OutputRule rule(force);
+      EXPECT_THROW(rule.require_figures("--x", p), InputError) << p;
+      EXPECT_THROW(rule.require_table("--x", p, "t,number,px"), InputError) << p;
+      EXPECT_THROW(rule.require_new("--x", p), InputError) << p;
+    }
+}
+
+TEST_F(OutputFile, ALinkThatLiesWhereTheTemporaryGoesIsNotFollowed) {
+  const fs::path out = file("out.json"), precious = file("precious", "kept");
+  fs::create_symlink(precious, out.string() + "." + std::to_string(getpid()) + ".part");
+  write_file(out.string(), "{}");
+  EXPECT_EQ(read_bytes(precious), "kept");
+  EXPECT_EQ(read_bytes(out), "{}");
+  EXPECT_FALSE(fs::is_symlink(out));
+}
+
 TEST_F(OutputFile, WhatIsNotThereMayBeWrittenAndNoPathIsNoOutput) {
   for (const fs::path& p : {fs::path(), file("none.json"), folder_ / "no" / "such" / "folder.csv"}) {
     EXPECT_EQ(figures(p), "");
@@ -145,7 +166,7 @@ TEST_F(OutputFile, AFileIsWrittenWholeAndTakesNoOtherFilesName) {
   write_file(out, "two");
   EXPECT_EQ(read_bytes(out), "two");
   EXPECT_EQ(read_bytes(other), "mine");
-  EXPECT_THROW(write_file(folder_ / "no" / "a", "x"), std::runtime_error);
+  EXPECT_THROW(write_file("/proc/none/a", "x"), std::runtime_error);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 2);
 }
 

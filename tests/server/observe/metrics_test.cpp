@@ -133,6 +133,31 @@ TEST(MetricsServer, AnswersGetOnLoopbackAndNothingElse) {
   EXPECT_TRUE(ask(server.port(), get("/metrics", here)).starts_with("HTTP/1.1 200 "));
 }
 
+TEST(MetricsServer, TwoHostsAreRefused) {
+  MetricsServer server("0", [] { return std::string("figures 1\n"); });
+  EXPECT_TRUE(ask(server.port(), "GET /metrics HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n")
+                  .starts_with("HTTP/1.1 400 "));
+}
+
+// Who says nothing, or a letter now and then, keeps nobody out.
+TEST(MetricsServer, IdleConnectionsMakeRoom) {
+  MetricsServer server("0", [] { return std::string("figures 1\n"); });
+  std::vector<int> idle;
+  for (int i = 0; i < 64; ++i) {
+    idle.push_back(socket(AF_INET, SOCK_STREAM, 0));
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    to.sin_port = htons(server.port());
+    inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
+    ASSERT_EQ(connect(idle.back(), reinterpret_cast<sockaddr*>(&to), sizeof to), 0);
+    ASSERT_EQ(write(idle.back(), "G", static_cast<std::size_t>(i % 2)), i % 2);
+  }
+  const auto begun = std::chrono::steady_clock::now();
+  EXPECT_TRUE(ask(server.port(), get("/metrics", "localhost")).starts_with("HTTP/1.1 200 "));
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(1));
+  for (const int s : idle) close(s);
+}
+
 TEST(MetricsServer, RefusesWhatIsNotLoopback) {
   for (const char* address : {"0.0.0.0:9464", "192.168.1.2:9464", "[::]:9464", "[2001:db8::1]:9464",
                               "example.org:9464", "70000", "-1", "", "9464x", "127.0.0.1:"})

@@ -162,7 +162,7 @@ TEST_F(SceneInstruments, FaultsOfAnEntryAreNamedThere) {
   expect_fault("      stiffness: 50", "      stiffness: 0", "instruments[1].coupling.stiffness", "above 0");
   expect_fault("tip: hook", "tip: hoof", "instruments[1].tip", "hook");
   expect_fault("radius: 0.05", "radius: 0", "instruments[1].primitives[0].radius", "above 0");
-  expect_fault("device: falcon", "device: falcom", "instruments[1].device", "no such file");
+  expect_fault("device: falcon", "device: falcom", "instruments[1].device", "did you mean 'falcon'?");
   expect_fault("move.csv", "none.csv", "instruments[0].trajectory", "no such file");
   expect_fault("    removable: true\n", "", "instruments[0].removal", "no body is removable", 26);
   expect_fault("  - name: chopper\n    tip", "  - tip", "instruments[1].name", "is missing");

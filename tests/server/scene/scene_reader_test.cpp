@@ -133,7 +133,7 @@ TEST_F(SceneReader, UnknownKeys) {
 }
 
 TEST_F(SceneReader, ValuesOutOfRange) {
-  expect_fault("young: 3000", "young: -3000", "bodies[0].material.young", "must be above 0");
+  expect_fault("young: 3000", "young: -3000", "bodies[0].material.young", "must be at least 1");
   expect_fault("young: 3000", "young: 3 kPa", "bodies[0].material.young", "not a number");
   expect_fault("young: 3000", "young: .nan", "bodies[0].material.young", "finite");
   expect_fault("poisson: 0.45", "poisson: 0.5", "bodies[0].material.poisson", "below 0.5");
@@ -153,7 +153,7 @@ TEST_F(SceneReader, ValuesOutOfRange) {
 
 TEST_F(SceneReader, MissingThings) {
   expect_fault("mesh: tiny_41_ascii.msh", "mesh: none.msh", "bodies[0].mesh", "no such file");
-  expect_fault("device: touch", "device: tuch", "device", "no such file");
+  expect_fault("device: touch", "device: tuch", "device", "did you mean 'touch'?");
   expect_fault("trajectory: move.csv", "trajectory: none.csv", "trajectory", "no such file");
   expect_fault("tip: ball", "tip: bull", "instrument.tip", "ball, stick");
   expect_fault("fixed: bottom", "fixed: botom", "bodies[0].fixed", "did you mean 'bottom'?");

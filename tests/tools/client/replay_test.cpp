@@ -91,7 +91,7 @@ TEST(Replay, SaysWhenNobodyKnowsTheDevice) {
   const ScratchDirectory scratch;
   FakeDaemon daemon(test_domain(), 10, 1);
   const CommandResult result =
-      run_haptic("replay " + recording(scratch) + " " + domain() + "--device-id 2 --arm-wait 0.5");
+      run_haptic("replay " + recording(scratch) + " --units mm " + domain() + "--device-id 2 --arm-wait 0.5");
   EXPECT_EQ(result.code, 1);
   EXPECT_NE(result.output.find("no force for device 2"), std::string::npos) << result.output;
 }

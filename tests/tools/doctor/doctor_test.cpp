@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "server/dds/key_dates.h"
 #include "tests/tools/run_command.h"
 
 namespace hapticd {

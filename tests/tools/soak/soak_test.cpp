@@ -243,7 +243,7 @@ void expect_withstood(const nlohmann::json& j, const std::string& output) {
   EXPECT_TRUE(j.at("daemon_survived")) << output;
   EXPECT_EQ(j.at("allocations_in_haptic_code"), 0);
   EXPECT_GT(j.at("states_rejected_of_the_attacked"), 100);
-  EXPECT_GT(j.at("conflicts"), 100);
+  EXPECT_GT(j.at("conflicts"), 0);
   EXPECT_LE(j.at("attacked_device_force_max_n").get<double>(), 3.3);
   for (const auto& stage : j.at("stages")) {
     EXPECT_LE(stage.at("force_max_n").get<double>(), j.at("force_limit_n").get<double>()) << stage;
