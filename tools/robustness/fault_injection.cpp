@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -20,6 +19,7 @@
 #include "tools/cli/interrupt.h"
 #include "tools/client/session.h"
 #include "tools/robustness/attack.h"
+#include "tools/robustness/stage_figures.h"
 
 namespace hapticd {
 namespace {
@@ -28,9 +28,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr double quiet_seconds = 1.5, together_factor = 2;
-// Of what the client sent in a stage in slots that no stall of the machine struck (stall_watch.h). What it
-// could not send, and what a stall took, is in the figures beside it.
-constexpr double min_answered = 0.99;
 
 struct AbuseOptions {
   double seconds = 2;
@@ -55,53 +52,6 @@ class ContactSource final : public SlotSource {
     return c;
   }
 };
-
-struct Stage {
-  std::string name;
-  std::int64_t begin_ns = 0, end_ns = 0;
-  bool held = false;  // the simulation was: less force is right then
-};
-
-// What the well-behaved client saw of one stage.
-struct StageFigures {
-  std::int64_t scheduled = 0, sent = 0, answered = 0, longest_unanswered = 0;
-  SlotCount between;  // stalls of the machine
-  double force_min = 0, force_max = 0,
-         step_max = 0;  // [N]; step: between consecutive ticks, zeros at once apart
-  std::uint32_t status = 0;
-  bool finite = true;
-};
-
-StageFigures figures_of(const DeviceClient& client, const Stage& stage, const Stalls& stalls) {
-  StageFigures f;
-  f.force_min = HUGE_VAL;
-  const SlotBook& book = client.book();
-  f.between = between_stalls(book, stalls, stage.begin_ns, stage.end_ns);
-  const hapticd_msg_ForceCommand* before = nullptr;
-  std::int64_t unanswered = 0;
-  for (std::int64_t k = 0; k < book.scheduled(); ++k) {
-    const std::int64_t t = book.plan().time_of(k);
-    if (t < stage.begin_ns || t >= stage.end_ns) continue;
-    ++f.scheduled;
-    f.sent += book.sent_ns(k) != 0;
-    unanswered = book.answered_ns(k) == 0 ? unanswered + 1 : 0;
-    f.longest_unanswered = std::max(f.longest_unanswered, unanswered);
-    if (unanswered > 0) continue;
-    ++f.answered;
-    const hapticd_msg_ForceCommand& m = client.answer(k);
-    const Vec3 force(m.force[0], m.force[1], m.force[2]);
-    f.finite = f.finite && force.allFinite();
-    f.status |= m.status;
-    f.force_min = std::min(f.force_min, force.norm());
-    f.force_max = std::max(f.force_max, force.norm());
-    if (before && m.number == before->number + 1 && force.norm() > 0) {
-      const Vec3 last(before->force[0], before->force[1], before->force[2]);
-      f.step_max = std::max(f.step_max, (force - last).norm());
-    }
-    before = &m;
-  }
-  return f;
-}
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
@@ -275,30 +225,10 @@ Json Abuse::report(const Session& session, const WatchedMachine& machine) {
   Table table;
   for (const Stage& s : stages_) {
     const StageFigures f = figures_of(session.client, s, machine.stalls);
-    const auto share = [](std::int64_t part, std::int64_t whole) {
-      return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
-    };
-    const double answered = share(f.answered, f.sent), between = share(f.between.answered, f.between.sent);
-    const bool kept = f.finite && f.force_max <= maximum * (1 + 1e-9) && f.step_max <= step * (1 + 1e-6) &&
-                      between >= min_answered &&
-                      (s.held || !(f.status & (status_latched | status_not_finite)));
+    const bool kept = f.kept(s.held, maximum, step);
     good = good && kept;
-    list.push_back({{"attack", s.name},
-                    {"slots", {{"scheduled", f.scheduled}, {"sent", f.sent}, {"answered", f.answered}}},
-                    {"longest_unanswered", f.longest_unanswered},
-                    {"answered_of_sent", rounded(answered, 5)},
-                    {"answered_of_sent_between_stalls", rounded(between, 5)},
-                    {"force_min_n", rounded(f.force_min, 5)},
-                    {"force_max_n", rounded(f.force_max, 5)},
-                    {"step_max_n", rounded(f.step_max, 5)},
-                    {"status_seen", status_text(f.status)},
-                    {"kept", kept}});
-    table.emplace_back(
-        (kept ? "ok    " : "FAIL  ") + s.name,
-        fixed(100 * answered, 2) + " % answered (" + fixed(100 * between, 2) + " % between stalls) of " +
-            std::to_string(f.sent) + " sent (of " + std::to_string(f.scheduled) + ", longest break " +
-            std::to_string(f.longest_unanswered) + " ms), " + fixed(f.force_min, 3) + " … " +
-            fixed(f.force_max, 3) + " N, step " + fixed(f.step_max, 3) + " N; " + status_text(f.status));
+    list.push_back(to_json(s, f, kept));
+    table.emplace_back((kept ? "ok    " : "FAIL  ") + s.name, to_text(f));
   }
   const nlohmann::json daemon = nlohmann::json::parse(text_of(figures_), nullptr, false);
   j["command"] = "abuse";
