@@ -69,7 +69,9 @@ void draw(const std::string& script, const std::string& data, const std::string&
   const std::string file = script_file(script).string();
   if (!std::filesystem::exists(file)) throw std::runtime_error(file + ": not there, so nothing is drawn");
   if (run_program({"/usr/bin/python3", file, data, picture}) != 0)
-    throw std::runtime_error(picture + ": could not be drawn; python3-matplotlib is needed");
+    throw std::runtime_error(
+        picture + ": could not be drawn: " + file +
+        " says why above (it needs python3-matplotlib and python3-numpy); the figures are in " + data);
 }
 
 }  // namespace hapticd

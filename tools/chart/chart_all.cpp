@@ -4,6 +4,8 @@
 // next. A chart that fails is said so on the page and in the exit code; the others are still made.
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <memory>
 
@@ -48,6 +50,12 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+// Processes that ran or wanted to, the mean of a minute.
+double load() {
+  double mean[1] = {0};
+  return getloadavg(mean, 1) == 1 ? rounded(mean[0], 2) : 0;
+}
+
 int chart_all(const Options& options) {
   const std::filesystem::path out = options.out;
   const OutputRule rule(options.force);
@@ -59,6 +67,11 @@ int chart_all(const Options& options) {
   nlohmann::ordered_json json;
   json["command"] = "chart all";
   json["quick"] = options.quick;
+  const std::time_t now = std::time(nullptr);
+  char date[32] = "";
+  std::strftime(date, sizeof date, "%Y-%m-%d %H:%M UTC", std::gmtime(&now));
+  json["date"] = date;
+  json["load_before"] = load();
   bool all_made = true;
   const auto begun = std::chrono::steady_clock::now();
   {
@@ -83,6 +96,7 @@ int chart_all(const Options& options) {
     }
   }
   json["seconds"] = rounded(seconds_since(begun), 1);
+  json["load_after"] = load();
   const std::string list = (out / "charts.json").string();
   write_json(list, json);
   if (!options.json.empty()) write_json(options.json, json);

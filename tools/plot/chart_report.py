@@ -7,6 +7,7 @@ Example: tools/plot/chart_report.py build/chart/charts.json build/chart/report.h
 import base64
 import html
 import json
+import os
 import pathlib
 import platform
 import sys
@@ -27,6 +28,9 @@ What the plan of <code>model: auto</code> chose for each scene, its error and it
     "removal": ("What removing an element costs", """
 Elements are taken out one by one. Lines that rise pay for every element ever removed; flat lines do not.
 The second row is the error of the compliance that comes out, the third the memory it takes."""),
+    "cut": ("What cutting costs", """
+Faces of a mesh are opened and tetrahedra divided; what a step then takes, and the opened beam against the answer that
+beam theory gives."""),
     "warping": ("What turning a stale compliance is worth", """
 A compliance made at rest is used for tissue that has moved; the error of what comes out, with the base turned along
 with the tissue and without."""),
@@ -42,16 +46,25 @@ last step's; and how far bodies in contact are from answers known by hand, in un
 }
 
 STYLE = """
-:root { --ink: #33383f; --accent: #c2410c; --line: #e1e4e8; }
-body { font: 16px/1.55 system-ui, sans-serif; color: var(--ink); max-width: 62rem; margin: 2.5rem auto; padding: 0 1.2rem; }
+:root { color-scheme: light dark; --ground: #fff; --ink: #33383f; --quiet: #6b7280; --accent: #c2410c; --bad: #b00020;
+        --line: #e1e4e8; }
+@media (prefers-color-scheme: dark) {
+  :root { --ground: #16191c; --ink: #d9dde1; --quiet: #98a0a8; --accent: #f0a35a; --bad: #ff7a86; --line: #31373d; }
+  img { filter: invert(0.9) hue-rotate(180deg); }
+}
+body { font: 16px/1.55 system-ui, sans-serif; background: var(--ground); color: var(--ink); max-width: 62rem;
+       margin: 2.5rem auto; padding: 0 1.2rem; }
 h1 { font-size: 1.9rem; margin-bottom: .2rem; } h2 { margin-top: 3rem; border-top: 1px solid var(--line); padding-top: 1.4rem; }
 img { max-width: 100%; height: auto; } figure { margin: 1.2rem 0; }
-table { border-collapse: collapse; font-size: .86rem; width: 100%; margin: 1rem 0; }
+table { border-collapse: collapse; font-size: .86rem; margin: 1rem auto; }
 th, td { text-align: right; padding: .22rem .5rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; } th { font-weight: 600; white-space: normal; }
-tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: #9aa1aa; }
-.bad { color: #b00020; font-weight: 600; } .dim { color: #6b7280; } nav a { margin-right: 1rem; }
-.scroll { overflow-x: auto; }
+th:first-child, td:first-child { text-align: left; } th { font-weight: 600; white-space: normal; vertical-align: bottom; }
+tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: var(--quiet); }
+table.verdict { margin: 1rem 0; } table.verdict td { text-align: left; white-space: normal; }
+.bad { color: var(--bad); font-weight: 600; } .dim { color: var(--quiet); } a { color: var(--accent); }
+nav a { margin-right: 1rem; }
+/* A wide table takes what the window has beside the text; where that is not enough, it scrolls. */
+.scroll { overflow-x: auto; width: min(94rem, 100vw - 3rem); margin-left: 50%; transform: translateX(-50%); }
 """
 
 
@@ -165,6 +178,60 @@ def pieces_details(data):
     return "".join(parts)
 
 
+def unpassed(name, data):
+    """What of a chart's own bounds it did not keep, in words."""
+    if name == "tissue":
+        return [c["name"] for c in data.get("checks", []) if not c["passed"]]
+    if name == "economy":
+        return [f"plan of {s['scene']}" for s in data.get("scenes", []) if not s["passed"]]
+    if name == "pieces":
+        return [c["name"] for c in data.get("theory", []) if not c["passed"]]
+    if name == "force":
+        return [f"reference of {r['trajectory']} not converged" for r in data.get("runs", []) if not r["reference_converged"]]
+    return []
+
+
+def says(name, data):
+    """The one figure of a chart that a reader looks for first."""
+    if name == "force":
+        errors = [p for p in data["points"] if p["label"] == data["default"]]
+        return "; ".join(f"default errs by {percent(p['force_rms_rel'])} % of the peak at {p['cpu_ms_per_s']:.0f} ms/s"
+                         + (f" ({p['trajectory']}, {p['removals']} removals per 20 ms)" if p["removals"] else f" ({p['trajectory']})")
+                         for p in errors)
+    if name == "tissue":
+        checks = data.get("checks", [])
+        return f"{sum(c['passed'] for c in checks)} of {len(checks)} known answers met"
+    if name == "economy":
+        scenes = data.get("scenes", [])
+        return f"{sum(bool(s['passed']) for s in scenes)} of {len(scenes)} plans within the accuracy asked for"
+    if name == "step":
+        fits = [p for p in data["points"] if p["fits_50hz"]]
+        return (f"50 Hz holds up to {max(p['nodes'] for p in fits)} nodes (" +
+                text(max(fits, key=lambda p: p["nodes"])["compliance"]) + ")") if fits else "50 Hz holds for no lens here"
+    if name == "pieces":
+        theory = data.get("theory", [])
+        return f"{sum(c['passed'] for c in theory)} of {len(theory)} answers of theory met" if theory else ""
+    return ""
+
+
+def figures_of(folder, name):
+    file = folder / name / f"{name}.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+
+
+def verdicts(folder, charts):
+    rows = []
+    for c in charts:
+        data = figures_of(folder, c["name"])
+        faults = unpassed(c["name"], data) if data else []
+        word = '<span class="bad">failed</span>' if c["exit_code"] != 0 else '<span class="bad">not all</span>' if faults else "made"
+        found = says(c["name"], data) if data else ""
+        found += ("; " if found and faults else "") + "; ".join(text(f) for f in faults[:5])
+        rows.append(f'<tr><td><a href="#{text(c["name"])}">{text(SECTIONS.get(c["name"], (c["name"],))[0])}</a></td>'
+                    f"<td>{word}</td><td>{found}</td></tr>")
+    return '<table class="verdict">' + "".join(rows) + "</table>"
+
+
 DETAILS = {"pieces": pieces_details, "force": force_details, "economy": economy_details, "step": step_details}
 
 
@@ -175,9 +242,9 @@ def section(folder, entry):
     if entry["exit_code"] != 0:
         parts.append(f'<p class="bad">This chart failed (exit code {entry["exit_code"]}); what it left is below.</p>')
     parts += [picture(p) for p in sorted((folder / name).glob("*.png"))]
-    figures = folder / name / f"{name}.json"
-    if figures.exists() and name in DETAILS:
-        parts.append(DETAILS[name](json.loads(figures.read_text(encoding="utf-8"))))
+    figures = figures_of(folder, name)
+    if figures and name in DETAILS:
+        parts.append(DETAILS[name](figures))
     parts.append(f'<p class="dim"><code>haptic chart {text(name)}</code>, {entry["seconds"]} s. '
                  f"All figures: {text(name)}/{text(name)}.json.</p>")
     return "".join(parts)
@@ -199,13 +266,15 @@ def main():
     listing = pathlib.Path(sys.argv[1])
     data = json.loads(listing.read_text(encoding="utf-8"))
     charts = data["charts"]
-    links = "".join(f'<a href="#{text(c["name"])}">{text(SECTIONS.get(c["name"], (c["name"],))[0])}</a>' for c in charts)
+    made = [f"{platform.node()}, {processor()}, {os.cpu_count()} cores", f"{data['seconds']} s in all"]
+    if "date" in data:
+        made = [data["date"], made[0], f"load {data['load_before']} before and {data['load_after']} after", made[1]]
     quick = " Quick run: fewer cases than <code>haptic chart all</code> without <code>--quick</code>." if data["quick"] else ""
     page = (f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>hapticd: charts</title>'
             f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body>'
             f"<h1>hapticd: speed against accuracy</h1>"
-            f'<p class="dim">Measured on this machine: {text(processor())}, {data["seconds"]} s in all.{quick}</p>'
-            f"<nav>{links}</nav>" + "".join(section(listing.parent, c) for c in charts) + "</body></html>")
+            f'<p class="dim">{text("; ".join(made))}.{quick}</p>'
+            f"{verdicts(listing.parent, charts)}" + "".join(section(listing.parent, c) for c in charts) + "</body></html>")
     pathlib.Path(sys.argv[2]).write_text(page, encoding="utf-8")
 
 

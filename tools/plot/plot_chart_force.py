@@ -76,7 +76,13 @@ def draw_pareto(data, path):
     figure.set_layout_engine("constrained")
     todo = []
     for axes, entry in zip(panels, data["runs"]):
+        several = any("hands" in p for p in mine(data, entry))
         points = [p for p in mine(data, entry) if p["force_rms_rel"] > 0]
+        axes.set_title(name_of(entry, several) + ("" if entry["reference_converged"] else " – reference not converged"),
+                       loc="left", fontsize=10)
+        if not points:  # a logarithmic axis has no place for none
+            axes.annotate("no configuration has an error", (0.5, 0.5), xycoords="axes fraction", ha="center", color=INK)
+            continue
         front = sorted((p for p in points if p["pareto"]), key=lambda p: p["cpu_ms_per_s"])
         if front:
             xs, ys = [p["cpu_ms_per_s"] for p in front], [100 * p["force_rms_rel"] for p in front]
@@ -89,14 +95,12 @@ def draw_pareto(data, path):
                       ms=15 if chosen else 5.5, color=color, mfc=color if p["reference_converged"] else "white",
                       zorder=4 if chosen else 3, ls="none")
         axes.set(xscale="log", yscale="log", xlabel="CPU time of all threads [ms per second of scene]",
-                 ylabel="RMS force error [% of the reference's peak" + (", worse hand]" if "hands" in points[0] else "]"))
+                 ylabel="RMS force error [% of the reference's peak" + (", worse hand]" if several else "]"))
         low, high = min(p["cpu_ms_per_s"] for p in points), max(p["cpu_ms_per_s"] for p in points)
         axes.set_xlim(low / 1.6, high * 2.2)
         axes.axvline(1000, color=GREY, lw=0.8, ls=(0, (2, 3)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_major_formatter("{x:g}")
-        axes.set_title(name_of(entry, "hands" in points[0]) + ("" if entry["reference_converged"] else " – reference not converged"),
-                       loc="left", fontsize=10)
         todo.append((axes, [(p["cpu_ms_per_s"], 100 * p["force_rms_rel"], p["label"],
                              2 if p["label"] == data["default"] else 1 if p["pareto"] else 0) for p in points]))
     for axes, marks in todo:

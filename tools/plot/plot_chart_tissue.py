@@ -29,7 +29,7 @@ def convergence(axes, series, title):
     axes.set_ylabel("relative error")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * (high / low) ** 0.45)
-    axes.legend(fontsize=7, loc="upper left")
+    axes.legend(fontsize=8, loc="upper left")
 
 
 def guide(axes, order, at):
@@ -58,7 +58,7 @@ def locking(axes, points, problem):
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter("")
-    axes.legend(fontsize=7, loc="upper left", ncol=2)
+    axes.legend(fontsize=8, loc="upper left", ncol=2)
 
 
 def draw(data, path):
@@ -68,8 +68,12 @@ def draw(data, path):
     panels = 2 * bool(series) + len(problems)
     if panels == 0:
         sys.exit("nothing to draw")
-    figure, grid = plt.subplots(1, panels, figsize=(5.2 * panels, 5.4), squeeze=False)
-    grid = list(grid[0])
+    columns = min(panels, 2)  # more beside one another nobody can read
+    rows = -(-panels // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(5.4 * columns, 5.4 * rows), squeeze=False)
+    for spare in grid.flat[panels:]:
+        spare.set_visible(False)
+    grid = list(grid.flat)
     if series:
         for order, title in ((2, "second order expected"), (1, "first order expected")):
             axes = grid.pop(0)

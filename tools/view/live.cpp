@@ -57,10 +57,11 @@ nlohmann::json device_json(const hapticd_msg_ServerStatus& m) {
           {"refused", m.refused ? m.refused : ""}};
 }
 
-std::string status_json(bool daemon, const std::map<std::uint32_t, nlohmann::json>& devices) {
+std::string status_json(bool daemon, std::uint32_t domain,
+                        const std::map<std::uint32_t, nlohmann::json>& devices) {
   nlohmann::json list = nlohmann::json::array();
   for (const auto& [id, device] : devices) list.push_back(device);
-  return nlohmann::json{{"kind", "status"}, {"daemon", daemon}, {"devices", list}}.dump();
+  return nlohmann::json{{"kind", "status"}, {"daemon", daemon}, {"domain", domain}, {"devices", list}}.dump();
 }
 
 std::string health_json(const hapticd_msg_ServerHealth& m) {
@@ -102,7 +103,10 @@ LiveSource::LiveSource(const Participant& participant)
       instrument_(participant),
       status_(participant),
       health_(participant),
-      made_ns_(monotonic_ns()) {}
+      made_ns_(monotonic_ns()) {
+  dds_domainid_t id = 0;
+  if (dds_get_domainid(participant.handle(), &id) == DDS_RETCODE_OK) domain_ = id;
+}
 
 double LiveSource::now() const { return 1e-9 * static_cast<double>(monotonic_ns() - made_ns_); }
 
@@ -148,7 +152,7 @@ std::vector<SharedMessage> LiveSource::poll(bool watched) {
   news = news || daemon != daemon_;
   daemon_ = daemon;
   said_ = true;
-  if (news) out.push_back(text("status", status_json(daemon, devices_)));
+  if (news) out.push_back(text("status", status_json(daemon, domain_, devices_)));
   return out;
 }
 

@@ -21,7 +21,8 @@
 namespace hapticd {
 
 // As the page has it: {"kind": "status", …}. devices: by id.
-std::string status_json(bool daemon, const std::map<std::uint32_t, nlohmann::json>& devices);
+std::string status_json(bool daemon, std::uint32_t domain,
+                        const std::map<std::uint32_t, nlohmann::json>& devices);
 nlohmann::json device_json(const hapticd_msg_ServerStatus& m);
 std::string health_json(const hapticd_msg_ServerHealth& m);
 
@@ -48,6 +49,7 @@ class LiveSource {
   ViewScene scene_;
   std::map<std::uint32_t, nlohmann::json> devices_, health_of_;
   std::int64_t made_ns_, status_ns_ = 0;
+  std::uint32_t domain_ = 0;
   bool daemon_ = false, said_ = false;
 };
 

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "server/files/paths.h"
+#include "server/files/yaml_keys.h"
 #include "server/os/realtime.h"
 #include "server/scene/scene_reader.h"
 #include "tools/chart/chart.h"
@@ -270,6 +271,16 @@ int chart(Options options, const CLI::App& app) {
     for (ForceConfiguration& c : table.configurations)
       if (c.label == table.default_label || std::count(options.only.begin(), options.only.end(), c.label) > 0)
         kept.push_back(std::move(c));
+    for (const std::string& label : options.only) {
+      const auto is_label = [&](const ForceConfiguration& c) { return c.label == label; };
+      if (std::any_of(kept.begin(), kept.end(), is_label) || label == "default") continue;
+      std::vector<std::string> labels;
+      for (const ForceConfiguration& c : read_force_table(options.table).configurations)
+        labels.push_back(c.label);
+      const std::string hint = did_you_mean(label, labels);
+      throw UsageError("--only " + label + ": no such configuration in " + options.table + " (" +
+                       (hint.empty() ? "there are: " + listed(labels) : hint) + ")");
+    }
     table.configurations = std::move(kept);
   }
   std::vector<std::filesystem::path> recordings(options.recordings.begin(), options.recordings.end());

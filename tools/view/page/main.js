@@ -121,8 +121,10 @@ function bounds() {
 const all = () => [...bodies.values()].reduce((box, b) => box.union(b.box()), new THREE.Box3());
 
 function banner() {
-  const text = !connected ? 'Disconnected: haptic view has ended, or cannot be reached'
-    : !strip.status.daemon && !recorded ? 'Disconnected: no daemon is heard' : '';
+  const text = !connected ? 'Disconnected: haptic view has ended, or cannot be reached' :
+      !strip.status.daemon && !recorded ?
+                            `Disconnected: no daemon is heard in DDS domain ${strip.status.domain ?? 0}` :
+                            '';
   $('banner').hidden = !text;
   $('banner').textContent = text;
   if (text) { tools.clearContacts(); stage.touch(); }

@@ -160,6 +160,7 @@ export class Strip {
       const sum = health.parts_ms.reduce((a, b) => a + b, 0);
       bar($('step-chart'), health.parts_ms, PART_COLOURS, Math.max(health.period_ms, sum));
       $('step-now').textContent = `${sum.toFixed(1)} of ${health.period_ms.toFixed(0)} ms`;
+      $('step-now').classList.toggle('late', sum > health.period_ms);
       $('step-parts').innerHTML = PARTS.map((name, i) =>
         `<li><i data-part="${i}"></i>${name}<b>${health.parts_ms[i].toFixed(2)}</b></li>`).join('');
       document.querySelectorAll('#step-parts i').forEach((e, i) => { e.style.background = PART_COLOURS[i]; });
