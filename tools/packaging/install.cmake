@@ -100,7 +100,8 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "python3-matplotlib, rt-tests, cyclone
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA "${HERE}/postinst;${HERE}/prerm;${HERE}/postrm;${HERE}/conffiles")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libhapticd-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libeigen3-dev, libsuitesparse-dev, libopenblas-dev, libfcl-dev, \
+# A driver reads the devices and the DDS profile of the runtime package.
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "hapticd (= ${PROJECT_VERSION}), libeigen3-dev, libsuitesparse-dev, libopenblas-dev, libfcl-dev, \
 libccd-dev, liboctomap-dev, libboost-dev, cyclonedds-dev, libyaml-cpp-dev, cmake, pkg-config")
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "haptic server for soft tissue that is being cut
  A daemon with two loops: co-rotational finite elements at 50 Hz, and their contact with an
