@@ -16,6 +16,19 @@ install(DIRECTORY tools/view/page/ DESTINATION ${DATA}/view COMPONENT runtime)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 install(FILES config/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/config COMPONENT runtime)
 install(FILES ${HERE}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
+# As Debian wants one of each package; what changed is in CHANGELOG.md.
+string(TIMESTAMP NOW "%a, %d %b %Y %H:%M:%S +0000" UTC)
+file(WRITE ${CMAKE_BINARY_DIR}/debian_changelog "hapticd (${PROJECT_VERSION}) unstable; urgency=medium
+
+  * See CHANGELOG.md in /usr/share/doc/hapticd.
+
+ -- hapticd developers <hapticd@localhost>  ${NOW}
+")
+execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/debian_changelog OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz
+                COMMAND_ERROR_IS_FATAL ANY)
+install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
+install(FILES ${CMAKE_BINARY_DIR}/changelog.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libhapticd-dev
+        COMPONENT development)
 install(FILES ${HERE}/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
         RENAME haptic COMPONENT runtime)
 install(FILES ${HERE}/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
@@ -94,7 +107,7 @@ set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME hapticd)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS adduser)
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "adduser, python3")  # python3: what makes the scenes' meshes
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS openssl)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SUGGESTS "python3-matplotlib, rt-tests, cyclonedds-tools")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA "${HERE}/postinst;${HERE}/prerm;${HERE}/postrm;${HERE}/conffiles")
@@ -106,7 +119,6 @@ libccd-dev, liboctomap-dev, libboost-dev, cyclonedds-dev, libyaml-cpp-dev, cmake
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "haptic server for soft tissue that is being cut
  A daemon with two loops: co-rotational finite elements at 50 Hz, and their contact with an
  instrument solved again at 1 kHz for each new pose of a haptic device, over DDS.
- .
  Compiled for x86-64-v3 (AVX2). The programs link CHOLMOD's parts under the GPL.")
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "haptic server for soft tissue: libraries and headers
  Static libraries hapticd::physics, hapticd::haptic and hapticd::driver with their CMake package.")
