@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "physics/simulation/sample_id.h"
+
 namespace hapticd {
 namespace {
 
@@ -22,11 +24,6 @@ std::vector<std::array<double, 3>> make_weights(int k) {
       }
     }
   return out;
-}
-
-std::uint64_t sample_id(int body, int face, int index) {
-  return static_cast<std::uint64_t>(body) << 56 | static_cast<std::uint64_t>(face) << 12 |
-         static_cast<std::uint64_t>(index);
 }
 
 double nearest_gap(Instruments instruments, const InstrumentPoses& X, const Vec3& x) {

@@ -35,7 +35,8 @@ SimulationLoop::SimulationLoop(World& world, PartTimes& times, double rate,
       schedule_(world, std::llround(1e9 / rate)),
       instruments_(instruments),
       problems_(problems),
-      snapshots_(std::move(snapshots)) {}
+      snapshots_(std::move(snapshots)),
+      operation_(world, 1 / rate) {}
 
 SimulationLoop::~SimulationLoop() { stop(); }
 
@@ -95,6 +96,7 @@ void SimulationLoop::end_counting() {
   const std::int64_t spent = monotonic_ns() - begun_ns_;
   statistics_.step.record(spent);
   count(schedule_.report());
+  operation_.follow(world_, schedule_.report(), samples_of(instruments_.front()));
   publish_snapshots(spent, schedule_.report());
 }
 

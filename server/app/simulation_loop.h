@@ -22,6 +22,7 @@
 #include "haptic/spsc_queue.h"
 #include "server/app/reference_maker.h"
 #include "server/observe/diagnostics.h"
+#include "server/observe/operation.h"
 #include "server/schedule/step_record.h"
 
 namespace hapticd {
@@ -88,6 +89,7 @@ class SimulationLoop final : private StepHost {
   const std::string& failure() const noexcept { return failure_; }  // after failed()
   const SimulationStatistics& statistics() const noexcept { return statistics_; }
   const Histogram& reference_time() const noexcept { return references_.make_time(); }
+  OperationMeasures operation() const { return operation_.measures(); }
 
  private:
   void run();
@@ -115,6 +117,7 @@ class SimulationLoop final : private StepHost {
   Channel<CondensedProblem>& problems_;
   std::vector<Channel<SceneSnapshot>*> snapshots_;
   SimulationStatistics statistics_;
+  Operation operation_;
   std::array<std::int64_t, step_parts> part_ns_{};  // summed
   ReferenceMaker references_;
   PlannedAction now_;          // that is being performed

@@ -206,6 +206,7 @@ nlohmann::json WorldSession::summary(int i) const {
   j["sim_force_peak_n"] = s.force_peak.load();
   j["handover_jump_max_n"] = {{"at_reference", s.jump_at_reference.load()},
                               {"at_removal", s.jump_at_removal.load()}};
+  if (i == 0) j["operation"] = to_json(simulation_->operation());
   j["recording_dropped"] = recording_dropped(i);
   j["problems_captured"] = diagnostics.captured();
   j["recording_failed"] = diagnostics.recording_failed();

@@ -32,8 +32,8 @@ bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources,
   const VirtualDaemon* running = nullptr;
   settings.after = [&](StepAction action, std::int64_t) {
     if (action == StepAction::publish && sinks.step)
-      sinks.step({now.slot, running->world(), running->schedule().report(), now, contacts,
-                  static_cast<std::uint32_t>(running->world().removed())});
+      sinks.step({now.slot, running->world(), running->schedule().report(), samples_of(running->told()), now,
+                  contacts, static_cast<std::uint32_t>(running->world().removed())});
   };
   VirtualDaemon daemon(make_world(scene), scene.rate, devices_of(scene), haptic_options(scene), settings);
   running = &daemon;

@@ -36,6 +36,7 @@ struct ReplayedStep {
   std::int64_t slot = 0;  // of the tick that first uses it
   const World& world;
   const StepReport& report;
+  const InstrumentSamples samples;            // that it was made with
   const ReplayedTick& newest;                 // tick
   const std::vector<ContactForce>& contacts;  // … as it solved them
   std::uint32_t removed = 0;

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "server/files/output_file.h"
+#include "server/observe/operation.h"
 #include "server/record/device_bag.h"
 #include "tools/client/force_row.h"
 #include "tools/client/offline_replay.h"
@@ -203,13 +204,18 @@ bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sour
   if (!outputs.vtk.empty()) frames.emplace(scene, sources.size(), outputs.vtk);
 
   std::uint32_t removed = 0;
+  std::optional<Operation> operation;
   ReplaySinks sinks;
   sinks.tick = [&](const ReplayedTick& tick) {
     if (tick.slot < 0) return;
     for (const auto& device : devices) device->note(tick);
     removed = tick.removed;
   };
-  if (frames) sinks.step = [&](const ReplayedStep& step) { frames->add(step); };
+  sinks.step = [&](const ReplayedStep& step) {
+    if (!operation) operation.emplace(step.world, 1 / scene.rate);
+    if (step.slot >= 0) operation->follow(step.world, step.report, step.samples);
+    if (frames) frames->add(step);
+  };
   const bool complete = replay_offline(scene, sources, slots, sinks);
 
   const bool several = devices.size() > 1;
@@ -227,6 +233,7 @@ bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sour
   json["slots"] = slots;
   if (!several) devices[0]->figures(slots, json);
   json["elements_removed"] = removed;
+  if (operation) json["operation"] = to_json(operation->measures());
   if (!several) devices[0]->counts(json);
   for (std::size_t i = 0; several && i < devices.size(); ++i) {
     nlohmann::ordered_json& of = json["devices"][i];  // where its motion is

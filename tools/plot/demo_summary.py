@@ -48,6 +48,20 @@ def rate_between_stalls(daemon, stalls):
     return min(1e3, 1e3 * daemon["slots_sent"] / max(elapsed_ms - stalls["last_core_ms"], 1))
 
 
+def operation(daemon):
+    """What a trainer asks, of the body that lost most."""
+    measures = daemon["operation"]
+    soft = [body for body in measures["bodies"] if "volume_gone_share" in body]
+    most = max(soft, key=lambda body: body["volume_gone_mm3"])
+    return {
+        "hands": measures["hands"],
+        "pieces_max": most["pieces_most"],
+        "volume_gone_share": most["volume_gone_share"],
+        "pieces_left_loose": sum(body["pieces_loose"] for body in soft),
+        "bodies": measures["bodies"],
+    }
+
+
 def merge(daemon, replay):
     quantiles = ("p50", "p99", "p99_9", "max")
     return {
@@ -61,6 +75,8 @@ def merge(daemon, replay):
         "wake_us": only(daemon["wake_us"], quantiles),
         "elements_removed": daemon["elements_removed"],
         "fragments_aspirated": daemon["fragments_aspirated"],
+        **operation(daemon),
+        "solver_cap_share": daemon["solver_caps"] / max(daemon["slots_sent"], 1),
         "force_peak_n": replay["force_peak_n"],
         "penetration_max_um": daemon["penetration_max_um"],
         "slots_scheduled": replay["slots_scheduled"],

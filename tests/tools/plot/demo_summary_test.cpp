@@ -27,7 +27,22 @@ json good_daemon() {
           {"wake_us", quantile(20)},
           {"elements_removed", 60},
           {"fragments_aspirated", 1},
-          {"penetration_max_um", 30}};
+          {"penetration_max_um", 30},
+          {"solver_caps", 9},
+          {"operation",
+           {{"hands", json::array({{{"path_m", 0.04}}})},
+            {"bodies",
+             {{{"name", "cornea"}},
+              {{"name", "capsule"},
+               {"volume_gone_share", 0.5},
+               {"volume_gone_mm3", 1},
+               {"pieces_most", 1},
+               {"pieces_loose", 0}},
+              {{"name", "lens"},
+               {"volume_gone_share", 0.25},
+               {"volume_gone_mm3", 40},
+               {"pieces_most", 4},
+               {"pieces_loose", 2}}}}}}};
 }
 json good_replay() {
   return {{"force_peak_n", 0.5},
@@ -65,8 +80,14 @@ TEST(DemoSummary, HasEveryFigureThatIsAskedFor) {
   for (const char* key :
        {"haptic_rate_hz", "haptic_deadline_misses", "sim_rate_hz", "elements_removed", "fragments_aspirated",
         "force_peak_n", "penetration_max_um", "slots_scheduled", "slots_sent", "slots_answered",
-        "haptic_rate_between_stalls_hz", "answered_between_stalls"})
+        "haptic_rate_between_stalls_hz", "answered_between_stalls", "pieces_max", "volume_gone_share",
+        "pieces_left_loose", "solver_cap_share"})
     EXPECT_TRUE(v.summary[key].is_number()) << key;
+  EXPECT_EQ(v.summary["pieces_max"], 4) << "of the body that lost most";
+  EXPECT_EQ(v.summary["volume_gone_share"], 0.25);
+  EXPECT_EQ(v.summary["pieces_left_loose"], 2);
+  EXPECT_NEAR(v.summary["solver_cap_share"].get<double>(), 9.0 / 999, 1e-12);
+  EXPECT_EQ(v.summary["hands"].size(), 1u);
   for (const char* key : {"p50", "p99", "max"}) EXPECT_TRUE(v.summary["sim_step_ms"][key].is_number());
   for (const char* key : {"p50", "p99", "p99_9", "max"}) {
     EXPECT_TRUE(v.summary["solve_us"][key].is_number());

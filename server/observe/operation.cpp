@@ -1,0 +1,145 @@
+#include "server/observe/operation.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "physics/simulation/sample_id.h"
+#include "physics/tissue/fragments.h"
+#include "physics/tissue/tetrahedron.h"
+
+namespace hapticd {
+namespace {
+
+double strain_of(const Mat3& F) {
+  const Mat3 E = 0.5 * (F.transpose() * F - Mat3::Identity());
+  const Mat3 dev = E - E.trace() / 3 * Mat3::Identity();
+  return std::sqrt(2.0 / 3) * dev.norm();
+}
+
+double largest_strain(const Body& body) {
+  double largest = 0;
+  for (int t = 0; t < body.model.tets_in_use; ++t)
+    if (body.state.alive[t])
+      largest =
+          std::max(largest, strain_of(deformation_gradient(corners_of(body.model.mesh.tets[t], body.state.x),
+                                                           body.model.gradients[t])));
+  return largest;
+}
+
+double volume_left(const Body& body) {
+  double volume = 0;
+  for (int t = 0; t < body.model.tets_in_use; ++t)
+    if (body.state.alive[t]) volume += body.model.volume[t];
+  return volume;
+}
+
+void count_pieces(const Body& body, BodyMeasures& of) {
+  const Pieces pieces = find_pieces(body.model, body.state);
+  of.pieces = pieces.count();
+  of.pieces_most = std::max(of.pieces_most, of.pieces);
+  of.loose = static_cast<int>(std::count(pieces.held.begin(), pieces.held.end(), char{0}));
+}
+
+}  // namespace
+
+Operation::Operation(const World& world, double period) : period_(period) {
+  for (const Body& body : world.bodies()) {
+    BodyMeasures of{.name = body.name, .deformable = body.deformable};
+    if (body.deformable) {
+      of.volume = volume_left(body);
+      count_pieces(body, of);
+    }
+    measures_.bodies.push_back(std::move(of));
+  }
+  for (const Instrument& instrument : world.instruments())
+    tip_.push_back(instrument.primitives[static_cast<std::size_t>(instrument.tip)].placement.p);
+  measures_.hands.resize(tip_.size());
+  tip_before_.resize(tip_.size());
+  seen_.resize(tip_.size(), 0);
+  shown_ = measures_;
+}
+
+OperationMeasures Operation::measures() const {
+  const std::lock_guard lock(mutex_);
+  return shown_;
+}
+
+void Operation::follow(const World& world, const StepReport& report, const InstrumentSamples& samples) {
+  measures_.time += period_;
+  follow_hands(report, samples);
+  follow_touches(world);
+  for (std::size_t b = 0; b < measures_.bodies.size(); ++b) {
+    const Body& body = world.bodies()[b];
+    BodyMeasures& of = measures_.bodies[b];
+    if (!body.deformable || body.asleep) continue;
+    of.strain_most = std::max(of.strain_most, largest_strain(body));
+    of.volume_gone = of.volume - volume_left(body);
+    if (report.removed > 0 || report.split) count_pieces(body, of);
+  }
+  const std::lock_guard lock(mutex_);
+  shown_ = measures_;
+}
+
+void Operation::follow_hands(const StepReport& report, const InstrumentSamples& samples) {
+  for (std::size_t i = 0; i < measures_.hands.size(); ++i) {
+    const InstrumentSample& sample = samples[static_cast<int>(i)];
+    HandMeasures& hand = measures_.hands[i];
+    const Vec3 tip = sample.pose.to_world(tip_[i]);
+    if (sample.present && seen_[i]) hand.path += (tip - tip_before_[i]).norm();
+    tip_before_[i] = tip;
+    seen_[i] = sample.present;
+    if (!sample.present) continue;
+    const double force = report.contact.wrench[static_cast<int>(i)].head<3>().norm();
+    hand.touching += force > 0 ? period_ : 0;
+    hand.force_most = std::max(hand.force_most, force);
+    hand.emulsifying += sample.phaco ? period_ : 0;
+    hand.aspirating += sample.aspiration ? period_ : 0;
+  }
+}
+
+// Of each body, the sum of the forces that press it.
+void Operation::follow_touches(const World& world) {
+  const ContactScratch& scratch = world.contact_scratch();
+  const ContactRows& rows = scratch.rows;
+  std::vector<Vec3> force(measures_.bodies.size(), Vec3::Zero());
+  for (int i = 0; i < rows.contacts; ++i) {
+    const ContactRow& row = rows.row[static_cast<std::size_t>(i)];
+    if (row.sample < 0) continue;
+    Vec3 lambda = Vec3::Zero();
+    for (int k = 0; k < rows.rows_per_contact; ++k)
+      lambda[k] = scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact * i + k)];
+    force[static_cast<std::size_t>(body_of_sample(row.id))] += row.frame * lambda;
+  }
+  for (std::size_t b = 0; b < force.size(); ++b) {
+    BodyMeasures& of = measures_.bodies[b];
+    const double pressed = force[b].norm();
+    of.touched += pressed > 0 ? period_ : 0;
+    of.touch_most = std::max(of.touch_most, pressed);
+  }
+}
+
+nlohmann::ordered_json to_json(const OperationMeasures& measures) {
+  nlohmann::ordered_json json;
+  json["time_s"] = measures.time;
+  for (const HandMeasures& hand : measures.hands)
+    json["hands"].push_back({{"path_m", hand.path},
+                             {"touching_s", hand.touching},
+                             {"emulsifying_s", hand.emulsifying},
+                             {"aspirating_s", hand.aspirating},
+                             {"sim_force_most_n", hand.force_most}});
+  for (const BodyMeasures& body : measures.bodies) {
+    nlohmann::ordered_json of{
+        {"name", body.name}, {"touched_s", body.touched}, {"touch_most_n", body.touch_most}};
+    if (body.deformable)
+      of.update({{"volume_gone_share", body.volume > 0 ? body.volume_gone / body.volume : 0},
+                 {"volume_gone_mm3", 1e9 * body.volume_gone},
+                 {"pieces", body.pieces},
+                 {"pieces_most", body.pieces_most},
+                 {"pieces_loose", body.loose},
+                 {"strain_most", body.strain_most}});
+    json["bodies"].push_back(std::move(of));
+  }
+  return json;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,63 @@
+// What a trainer asks of an operation: how long, how far, how much went, and what was touched how hard.
+//
+//   hands[]   path of the tip [m], times touching, emulsifying, aspirating [s], largest force [N]
+//   bodies[]  share of its volume that is gone, pieces it has come to, most and loose, largest strain, time
+//             touched [s], largest force of a touch [N]
+//
+// Of the simulation's steps, so that a replay in virtual time measures as the daemon does. Strain:
+// √(2/3) ‖dev E‖ of Green's E, largest of any live tetrahedron; tissue that the tip reaches is strained by
+// it. Units: scene units. Threads: `follow` belongs to one, `measures` to any. Cost: a pass over awake
+// bodies' tetrahedra a step.
+#pragma once
+
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "physics/simulation/world.h"
+
+namespace hapticd {
+
+struct HandMeasures {
+  double path = 0, touching = 0, emulsifying = 0, aspirating = 0, force_most = 0;
+};
+
+struct BodyMeasures {
+  std::string name;
+  bool deformable = false;
+  double volume = 0, volume_gone = 0;  // [m³]
+  int pieces = 0, pieces_most = 0, loose = 0;
+  double strain_most = 0;
+  double touched = 0, touch_most = 0;
+};
+
+struct OperationMeasures {
+  double time = 0;  // [s]
+  std::vector<HandMeasures> hands;
+  std::vector<BodyMeasures> bodies;
+};
+
+class Operation {
+ public:
+  Operation(const World& world, double period);
+
+  // After each step of the world: what it reported and was given.
+  void follow(const World& world, const StepReport& report, const InstrumentSamples& samples);
+  OperationMeasures measures() const;  // after the newest step
+
+ private:
+  void follow_hands(const StepReport& report, const InstrumentSamples& samples);
+  void follow_touches(const World& world);
+
+  double period_;
+  OperationMeasures measures_;
+  mutable std::mutex mutex_;
+  OperationMeasures shown_;             // by the mutex
+  std::vector<Vec3> tip_, tip_before_;  // in the instrument's frame, in the scene
+  std::vector<char> seen_;              // the instrument was there in the step before
+};
+
+nlohmann::ordered_json to_json(const OperationMeasures& measures);
+
+}  // namespace hapticd

@@ -1,0 +1,139 @@
+// What an operation's measures say of steps whose answer is known.
+#include "server/observe/operation.h"
+
+#include <gtest/gtest.h>
+
+#include "physics/simulation/sample_id.h"
+#include "tests/support/bodies.h"
+#include "tests/support/mesh_shapes.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double period = 0.02;
+
+WorldSettings settings() {
+  WorldSettings s = contact_world({});
+  s.h = period;
+  s.alarm_distance = 2e-3;
+  s.sample_spacing = 2e-3;
+  s.coupling = VirtualCoupling{.stiffness = 100, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+  return s;
+}
+
+// A bar of eight cells held at its lower end, far above it a ball.
+struct Bar {
+  Bar() {
+    BodySettings bar{"bar", true, box_mesh(Vec3(0.01, 0.01, 0.08), 1, 1, 8), {5000, 0.3, 1000, 5, 0.002}, {},
+                     0,     true};
+    bar.fixed_nodes = bar.mesh.group("bottom")->nodes;
+    std::vector<BodySettings> bodies;
+    bodies.push_back(std::move(bar));
+    world = std::make_unique<World>(std::move(bodies), ball(5e-3), settings());
+    hand.present = true;
+    hand.pose.p = Vec3(0.005, 0.005, 0.2);
+  }
+  void step(Operation& operation) {
+    const StepReport report = world->step([&] { return InstrumentSamples(hand); }, *problem);
+    operation.follow(*world, report, InstrumentSamples(hand));
+  }
+  std::vector<int> cell(int k) const {
+    std::vector<int> tets;
+    const Body& body = world->bodies()[0];
+    for (int t = 0; t < body.model.tets_in_use; ++t) {
+      double z = 0;
+      for (const int n : body.model.mesh.tets[t]) z += 0.25 * body.rest()[n].z();
+      if (z > 0.01 * k && z < 0.01 * (k + 1)) tets.push_back(t);
+    }
+    return tets;
+  }
+  std::unique_ptr<World> world;
+  std::unique_ptr<CondensedProblem> problem = std::make_unique<CondensedProblem>();
+  InstrumentSample hand;
+};
+
+TEST(Operation, ATipDrawnAroundASquareHasGoneItsSides) {
+  Bar bar;
+  Operation operation(*bar.world, period);
+  const Vec3 start = bar.hand.pose.p;
+  bar.step(operation);
+  for (const Vec3& to : {Vec3(0.01, 0, 0), Vec3(0.01, 0.01, 0), Vec3(0, 0.01, 0), Vec3(0, 0, 0)}) {
+    bar.hand.phaco = to.y() > 0;
+    bar.hand.pose.p = start + to;
+    bar.step(operation);
+  }
+  const OperationMeasures m = operation.measures();
+  ASSERT_EQ(m.hands.size(), 1u);
+  EXPECT_NEAR(m.hands[0].path, 0.04, 1e-12);
+  EXPECT_NEAR(m.time, 5 * period, 1e-12);
+  EXPECT_NEAR(m.hands[0].emulsifying, 2 * period, 1e-12);
+  EXPECT_EQ(m.hands[0].touching, 0);
+  EXPECT_EQ(m.bodies[0].touched, 0);
+}
+
+// A hand that comes back elsewhere has gone no way meanwhile.
+TEST(Operation, AHandThatIsNotThereGoesNowhere) {
+  Bar bar;
+  Operation operation(*bar.world, period);
+  bar.step(operation);
+  bar.hand.present = false;
+  bar.step(operation);
+  bar.hand.pose.p.x() += 1;
+  bar.hand.present = true;
+  bar.step(operation);
+  EXPECT_EQ(operation.measures().hands[0].path, 0);
+}
+
+// The fourth of eight cells goes: an eighth of the volume, and what was above is loose; then that is taken.
+TEST(Operation, CountsVolumeAndPieces) {
+  Bar bar;
+  Operation operation(*bar.world, period);
+  bar.step(operation);
+  BodyMeasures body = operation.measures().bodies[0];
+  EXPECT_NEAR(body.volume, 8e-6, 1e-15);
+  EXPECT_EQ(body.volume_gone, 0);
+  EXPECT_EQ(body.pieces, 1);
+  EXPECT_EQ(body.loose, 0);
+  bar.world->schedule_removal(0, bar.cell(3));
+  bar.step(operation);
+  body = operation.measures().bodies[0];
+  EXPECT_NEAR(body.volume_gone, 1e-6, 1e-15);
+  EXPECT_EQ(body.pieces, 2);
+  EXPECT_EQ(body.loose, 1);
+  for (const int k : {4, 5, 6, 7}) bar.world->schedule_removal(0, bar.cell(k));
+  bar.step(operation);
+  body = operation.measures().bodies[0];
+  EXPECT_NEAR(body.volume_gone, 5e-6, 1e-15);
+  EXPECT_EQ(body.pieces, 1);
+  EXPECT_EQ(body.pieces_most, 2);
+  EXPECT_EQ(body.loose, 0);
+}
+
+// Pressed, what the body feels is what the hand feels, and the strain lies above the mean compression.
+TEST(Operation, ATouchIsWhatTheHandFeels) {
+  Bar bar;
+  Operation operation(*bar.world, period);
+  bar.hand.pose.p.z() = 0.08 + 5e-3 + 1e-3;
+  for (int k = 0; k < 5; ++k) bar.step(operation);
+  for (int k = 0; k < 50; ++k) {
+    bar.hand.pose.p.z() -= 1e-4;
+    bar.step(operation);
+  }
+  const OperationMeasures m = operation.measures();
+  EXPECT_GT(m.hands[0].force_most, 0);
+  EXPECT_NEAR(m.bodies[0].touch_most, m.hands[0].force_most, 1e-6 * m.hands[0].force_most);
+  EXPECT_NEAR(m.bodies[0].touched, m.hands[0].touching, 1e-12);
+  EXPECT_GT(m.bodies[0].strain_most, 0.01);
+  EXPECT_LT(m.bodies[0].strain_most, 1);
+  const nlohmann::ordered_json json = to_json(m);
+  EXPECT_EQ(json["bodies"][0]["name"], "bar");
+  EXPECT_EQ(json["hands"][0]["sim_force_most_n"], m.hands[0].force_most);
+}
+
+TEST(SampleId, NamesItsBody) {
+  for (const int body : {0, 1, 7, 200}) EXPECT_EQ(body_of_sample(sample_id(body, (1 << 20) + 5, 4095)), body);
+  EXPECT_NE(sample_id(1, 2, 3), sample_id(1, 3, 2));
+}
+
+}  // namespace
+}  // namespace hapticd
