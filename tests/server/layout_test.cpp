@@ -84,6 +84,7 @@ const std::map<std::string, std::vector<std::string>> rooms = {
     {"server/app", {"dds", "files", "observe", "os", "plan", "record", "scene", "schedule"}},
     {"tools/cli", {}},
     {"tools/driver", {}},
+    {"tools/device", {"cli", "driver"}},
     {"tools/chart", {"cli"}},
     {"tools/doctor", {"cli", "client", "record"}},
     {"tools/mesh", {"cli"}},
@@ -177,6 +178,24 @@ TEST(Layout, DriverSeesOnlyTheWireAndItsDevicesLimits) {
     }
     if (i.target.starts_with("tools/")) {
       EXPECT_TRUE(i.target.starts_with("tools/driver/")) << i.file << " includes " << i.target;
+    }
+  }
+}
+
+// Makers' libraries are loaded into a program that links nothing under the GPL; `haptic` only becomes it.
+TEST(Layout, DeviceDriversSeeNoSimulation) {
+  for (const Include& i : includes_of("tools/device")) {
+    EXPECT_FALSE(i.target.starts_with("physics/")) << i.file << " includes " << i.target;
+    if (i.target.starts_with("haptic/")) {
+      EXPECT_EQ(i.target, "haptic/channel.h") << i.file;
+    }
+    if (i.target.starts_with("server/")) {
+      EXPECT_TRUE(i.target == "server/os/realtime.h" || i.target == "server/scene/device_reader.h" ||
+                  i.target.starts_with("server/files/"))
+          << i.file << " includes " << i.target;
+    }
+    if (i.target.starts_with("tools/cli/")) {
+      EXPECT_EQ(i.file.stem(), "device_command") << i.target;
     }
   }
 }

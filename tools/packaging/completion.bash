@@ -6,11 +6,12 @@ _haptic_options() {  # COMMAND…
 
 _haptic() {
   local cur=${COMP_WORDS[COMP_CWORD]} program=${COMP_WORDS[0]} command=() word
-  local subcommands="abuse chart doctor hand mesh record replay soak stability view"
+  local subcommands="abuse chart device doctor hand mesh record replay soak stability view"
   local charts="all cut economy force lcp pieces removal step tissue warping"
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
     case " $subcommands " in *" $word "*) [ ${#command[@]} -eq 0 ] && command=("$word") && continue ;; esac
     case " $charts " in *" $word "*) [ "${command[*]}" = chart ] && command+=("$word") ;; esac
+    case "$word" in list | run) [ "${command[*]}" = device ] && command+=("$word") ;; esac
   done
   if [[ $cur == -* ]]; then
     COMPREPLY=($(compgen -W "$(_haptic_options "$program" "${command[@]}")" -- "$cur"))
@@ -18,6 +19,10 @@ _haptic() {
     COMPREPLY=($(compgen -W "$subcommands" -- "$cur"))
   elif [ "${command[*]}" = chart ]; then
     COMPREPLY=($(compgen -W "$charts" -- "$cur"))
+  elif [ "${command[*]}" = device ]; then
+    COMPREPLY=($(compgen -W "list run" -- "$cur"))
+  elif [ "${command[*]}" = "device run" ]; then
+    COMPREPLY=($(compgen -W "falcon force-dimension inverse3 openhaptics" -- "$cur"))
   else
     COMPREPLY=($(compgen -f -- "$cur"))
   fi

@@ -6,7 +6,7 @@ set(DATA ${CMAKE_INSTALL_DATADIR}/hapticd)
 set(HEADERS ${CMAKE_INSTALL_INCLUDEDIR}/hapticd)
 
 # Programs.
-install(TARGETS hapticd haptic_tool RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
+install(TARGETS hapticd haptic_tool haptic_device RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
 install(DIRECTORY config/scenes config/devices config/charts config/dds DESTINATION ${DATA} COMPONENT runtime
         USE_SOURCE_PERMISSIONS PATTERN "*.pem" EXCLUDE PATTERN "*.key" EXCLUDE)
 install(FILES idl/device.idl idl/scene.idl idl/ros2.idl idl/README.md DESTINATION ${DATA}/idl COMPONENT runtime)
