@@ -71,10 +71,11 @@ void Operation::follow(const World& world, const StepReport& report, const Instr
   for (std::size_t b = 0; b < measures_.bodies.size(); ++b) {
     const Body& body = world.bodies()[b];
     BodyMeasures& of = measures_.bodies[b];
-    if (!body.deformable || body.asleep) continue;
+    const bool changed = report.removed > 0 || report.split;
+    if (!body.deformable || (body.asleep && !changed)) continue;
     of.strain_most = std::max(of.strain_most, largest_strain(body));
     of.volume_gone = of.volume - volume_left(body);
-    if (report.removed > 0 || report.split) count_pieces(body, of);
+    if (changed) count_pieces(body, of);
   }
   const std::lock_guard lock(mutex_);
   shown_ = measures_;

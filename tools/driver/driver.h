@@ -5,7 +5,7 @@
 // The library does stamps and numbers. It arms, and arms again after a silence; after a latch you must send
 // `enable` false, then true. It ignores forces that answer another client and forces of a second daemon.
 // Each force is within the device's limits, in size and in change. The force goes to zero within the slew
-// limit and stays there while a second daemon is heard. It is zero at once when none has come for 9 ms or
+// limit and stays there while a second daemon is heard. It is zero at once when none has come for 7 ms or
 // one is not finite, and zero is the last thing written when the run ends: by a signal, a failing device, an
 // exception of yours, exit(), an abort or a crash in any thread (ending.h). After SIGKILL the last force
 // stands in the device, and its own electronics must drop it. Units: m, N, N·m. The device frame is the

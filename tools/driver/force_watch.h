@@ -3,7 +3,7 @@
 //   feel:    the newest force that answers a state of ours, within the device's limits (haptic/limits.h):
 //              ‖F‖ ≤ max_force, ‖τ‖ ≤ max_torque, all changes in one slot together ≤ max_force_rate · 1 ms
 //            to zero within that rate, latched, while a second daemon is heard (`slot`)
-//            zero at once where a force is not finite, and where none came for 9 ms, so that no device holds
+//            zero at once where a force is not finite, and where none came for 7 ms, so that no device holds
 //            one for longer than 10 ms
 //   enable:  false for the first 50 ms, then what the reading says. If the daemon keeps the device disarmed
 //            for 300 ms without a latch: false for 20 ms, so that the daemon sees an edge and arms again
@@ -20,7 +20,7 @@
 
 namespace hapticd {
 
-inline constexpr std::int64_t force_silence_ns = 9'000'000;
+inline constexpr std::int64_t force_silence_ns = 7'000'000;
 inline constexpr double slot_s = 1e-3;
 
 class ForceWatch {

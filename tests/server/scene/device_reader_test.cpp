@@ -24,7 +24,7 @@ TEST(DeviceReader, ShippedDevices) {
     EXPECT_GE(device.limits.max_speed, 1.5);
     ++files;
   }
-  EXPECT_EQ(files, 5);
+  EXPECT_EQ(files, 6);
 }
 
 TEST(DeviceReader, TouchHasItsFigures) {

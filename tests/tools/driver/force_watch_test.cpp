@@ -29,14 +29,14 @@ DeviceSettings fast() {
 
 double along(const std::array<double, 3>& v) { return v[2]; }
 
-TEST(ForceWatch, AForceIsFeltForNineMillisecondsAfterItCame) {
+TEST(ForceWatch, AForceIsFeltForSevenMillisecondsAfterItCame) {
   ForceWatch watch(fast());
   EXPECT_EQ(watch.feel(0).force, zero);
   watch.sent(7, 100);
   EXPECT_TRUE(watch.heard(5 * ms, 7, 100, two_newtons));
   EXPECT_EQ(watch.feel(5 * ms).force, two_newtons.force);
-  EXPECT_EQ(watch.feel(14 * ms - 1).force, two_newtons.force);
-  EXPECT_EQ(watch.feel(14 * ms).force, zero);
+  EXPECT_EQ(watch.feel(12 * ms - 1).force, two_newtons.force);
+  EXPECT_EQ(watch.feel(12 * ms).force, zero);
   EXPECT_EQ(watch.feel(15 * ms).force, zero);
   EXPECT_EQ(watch.feel(15 * ms).status, status_disarmed);
   EXPECT_EQ(watch.silences(), 1u);
