@@ -105,6 +105,8 @@ def failures(summary):
 def text(value):
     if isinstance(value, dict):
         return ", ".join(f"{key} {text(part)}" for key, part in value.items())
+    if isinstance(value, list):
+        return "; ".join(map(text, value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
