@@ -1,28 +1,22 @@
 #include "server/observe/operation.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "physics/simulation/sample_id.h"
 #include "physics/tissue/fragments.h"
+#include "physics/tissue/strain.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
 namespace {
-
-double strain_of(const Mat3& F) {
-  const Mat3 E = 0.5 * (F.transpose() * F - Mat3::Identity());
-  const Mat3 dev = E - E.trace() / 3 * Mat3::Identity();
-  return std::sqrt(2.0 / 3) * dev.norm();
-}
 
 double largest_strain(const Body& body) {
   double largest = 0;
   for (int t = 0; t < body.model.tets_in_use; ++t)
     if (body.state.alive[t])
       largest =
-          std::max(largest, strain_of(deformation_gradient(corners_of(body.model.mesh.tets[t], body.state.x),
-                                                           body.model.gradients[t])));
+          std::max(largest, equivalent_strain(deformation_gradient(
+                                corners_of(body.model.mesh.tets[t], body.state.x), body.model.gradients[t])));
   return largest;
 }
 

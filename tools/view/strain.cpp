@@ -2,18 +2,10 @@
 
 #include <cmath>
 
+#include "physics/tissue/strain.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
-namespace {
-
-double equivalent_strain(const Mat3& F) {
-  const Mat3 E = 0.5 * (F.transpose() * F - Mat3::Identity());
-  const Mat3 dev = E - E.trace() / 3 * Mat3::Identity();
-  return std::sqrt(2.0 / 3.0) * dev.norm();
-}
-
-}  // namespace
 
 StrainAtNodes::StrainAtNodes(std::span<const Vec3> nodes, std::span<const Tet> tets)
     : tets_(tets.begin(), tets.end()), nodes_(nodes.size()) {
