@@ -5,8 +5,8 @@
 //             touched [s], largest force of a touch [N]
 //
 // Of the simulation's steps, so that a replay in virtual time measures as the daemon does. Strain:
-// √(2/3) ‖dev E‖ of Green's E, largest of any live tetrahedron; tissue that the tip reaches is strained by
-// it. Units: scene units. Threads: `follow` belongs to one, `measures` to any. Cost: a pass over awake
+// equivalent_strain (strain.h), the largest of any live tetrahedron.
+// Units: scene units. Threads: `follow` belongs to one, `measures` to any. Cost: a pass over awake
 // bodies' tetrahedra a step.
 #pragma once
 
