@@ -110,11 +110,15 @@ void define(CLI::App& app, Arguments& a) {
 }
 
 // Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
-// of them would end the process by default: it is handed over whole.
+// of them, as it does while this one is busy, would end the process by default: it is handed over. The kernel lets
+// no thread send another what says that kill or the kernel sent it: so as if queued, and a lost terminal as SIGTERM.
 pid_t waiting_thread = 0;
 void hand_over(int number, siginfo_t* info, void*) {
   const int before = errno;
-  syscall(SYS_rt_tgsigqueueinfo, getpid(), waiting_thread, number, info);
+  siginfo_t handed = *info;
+  if (handed.si_code == SI_KERNEL && number == SIGHUP) number = handed.si_signo = SIGTERM;
+  if (handed.si_code >= 0) handed.si_code = SI_QUEUE;
+  syscall(SYS_rt_tgsigqueueinfo, getpid(), waiting_thread, number, &handed);
   errno = before;
 }
 
