@@ -16,12 +16,20 @@ HapticTick::HapticTick(Instruments instruments, std::vector<DeviceSettings> devi
     throw std::invalid_argument("each instrument has a device of its own");
 }
 
-EachInstrument<ForceSample> HapticTick::run(const HapticInput& input) noexcept {
+void HapticTick::take_over(const HapticTick& from) noexcept {
+  state_->device = from.state_->device;
+  state_->caps = from.state_->caps;
+  state_->tick = from.state_->tick;
+  ramp_ = from.ramp_;
+  for (int i = 0; i < device_count(); ++i) apply(tuning_of(from.device(i)), devices_[static_cast<std::size_t>(i)]);
+}
+
+EachInstrument<ForceSample> HapticTick::run(const HapticInput& input, bool withheld) noexcept {
   const std::int64_t period = input.period_ns > 0 ? input.period_ns : options_.watchdog.period_ns;
   for (int i = 0; i < device_count(); ++i)
     advance(ramp_[i], devices_[static_cast<std::size_t>(i)], 1e-9 * static_cast<double>(period));
   problems_.acquire();
-  return haptic_step(problem(), instruments_, devices_, options_, input, *state_);
+  return haptic_step(withheld ? nullptr : problem(), instruments_, devices_, options_, input, *state_);
 }
 
 InstrumentInput HapticTick::instrument(int i, std::int64_t now_ns) const noexcept {

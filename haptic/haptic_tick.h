@@ -31,7 +31,13 @@ class HapticTick {
   // From the next tick on the device goes over to these within a second.
   void retune(int device, const DeviceTuning& tuning) noexcept { start_ramp(ramp_[device], tuning); }
 
-  EachInstrument<ForceSample> run(const HapticInput& input) noexcept;
+  // problem taken into use: none while the simulation is exchanged (withheld): forces go to zero as where
+  // problems are lost.
+  EachInstrument<ForceSample> run(const HapticInput& input, bool withheld = false) noexcept;
+
+  // Before the first run: clients, arming, counts, limits, scales and the force to go on from are those of a tick
+  // that ends here and was withheld. Pre: as many devices, in the same order.
+  void take_over(const HapticTick& from) noexcept;
 
   // After the tick at `now_ns`: what the simulation is told. Of several instruments one whose device renders
   // no force is not there, or tissue would be pressed in the simulation that nobody presses in the tick.

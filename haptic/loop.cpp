@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 
 #include "haptic/allocation_count.h"
 
@@ -82,7 +83,7 @@ HapticLoop::HapticLoop(Instruments instruments, const std::vector<LoopDevice>& d
                        const HapticOptions& options, Channel<CondensedProblem>& problems,
                        Channel<InstrumentInputs>& instrument_inputs, const LoopTiming& timing)
     : devices_(devices),
-      tick_(instruments, settings_of(devices), options, problems),
+      tick_(std::make_unique<HapticTick>(instruments, settings_of(devices), options, problems)),
       instrument_inputs_(instrument_inputs),
       timing_(timing) {}
 
@@ -110,7 +111,7 @@ void HapticLoop::run() noexcept {
   else
     run_on_arrivals();
   ForceSample last;
-  last.sequence = tick_.state().tick + 1;
+  last.sequence = tick_->state().tick + 1;
   for (const LoopDevice& d : devices_) d.port.write(last);
 }
 
@@ -161,6 +162,7 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   last_woken_ns_ = woken;
 
   HapticInput input;
+  take_next();
   if (timing_.mode == LoopMode::event)
     input.period_ns = std::clamp(interval, std::int64_t{1}, options().watchdog.period_ns);
   retune();
@@ -180,8 +182,12 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   }
   const std::int64_t written = monotonic_ns();
 
-  const HapticState& state = tick_.state();
-  const InstrumentInputs& instruments = instrument_inputs_.back() = tick_.instruments(input.now_ns);
+  bool zero = withheld_.load(relaxed);
+  for (int i = 0; i < devices(); ++i) zero = zero && forces_[i].force.isZero(0) && forces_[i].torque.isZero(0);
+  at_zero_.store(zero, std::memory_order_release);
+
+  const HapticState& state = tick_->state();
+  const InstrumentInputs& instruments = instrument_inputs_.back() = tick_->instruments(input.now_ns);
   for (int i = 0; i < devices(); ++i)
     device(i).history.push({intended, forces_[i], state.device[i].watchdog.sample.pose, instruments[i]});
   instrument_inputs_.publish();
@@ -189,7 +195,7 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
 
   // What was solved: the published problem, or the patch made from it.
   if (captures_ && state.solved)
-    capture(state.patch.step > 0 ? state.patch.problem : *tick_.problem(), state);
+    capture(state.patch.step > 0 ? state.patch.problem : *tick_->problem(), state);
   bool armed = true;
   for (int i = 0; i < devices(); ++i) {
     statistics_[i].write.record(written - solved);
@@ -200,24 +206,44 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   count_page_faults(armed);
 }
 
+std::unique_ptr<HapticTick> HapticLoop::exchange(std::unique_ptr<HapticTick> next) {
+  if (!thread_.joinable()) {
+    next->take_over(*tick_);
+    return std::exchange(tick_, std::move(next));
+  }
+  next_.store(next.release(), std::memory_order_release);
+  HapticTick* former = nullptr;
+  while (!(former = former_.exchange(nullptr, std::memory_order_acquire)))
+    sleep_until(monotonic_ns() + look_again_ns);
+  return std::unique_ptr<HapticTick>(former);
+}
+
+void HapticLoop::take_next() noexcept {
+  HapticTick* next = next_.exchange(nullptr, std::memory_order_acquire);
+  if (!next) return;
+  next->take_over(*tick_);
+  former_.store(tick_.release(), std::memory_order_release);
+  tick_.reset(next);
+}
+
 void HapticLoop::retune() noexcept {
   for (int i = 0; i < devices(); ++i) {
     Channel<DeviceTuning>* tunings = device(i).tunings;
     const bool retuned = tunings && tunings->acquire();
-    if (retuned) tick_.retune(i, tunings->front());
+    if (retuned) tick_->retune(i, tunings->front());
     if (record_) record_->facts.device[i].retuned = retuned;
   }
 }
 
 // When it was solved.
 std::int64_t HapticLoop::solve_by_clock(HapticInput& input) noexcept {
-  if (captures_) before_ = tick_.state().contact;
+  if (captures_) before_ = tick_->state().contact;
   if (record_) record_->clock.count = 0;
   const std::int64_t begun = monotonic_ns();
   const SolveClock clock{begun + options().solve_budget_ns, record_ ? &record_->clock : nullptr};
   input.deadline.clock = &clock;
   input.deadline.left_ns = SolveClock::left_ns;
-  forces_ = tick_.run(input);
+  forces_ = tick_->run(input, withheld_.load(std::memory_order_acquire));
   input.deadline = {};
   const std::int64_t solved = monotonic_ns();
   for (ForceSample& force : forces_.value) force.solve_ns = solved - begun;
@@ -297,7 +323,7 @@ void HapticLoop::count_page_faults(bool armed) noexcept {
   if (faults_before_ < 0) {
     if (!armed) return;
     faults_before_ = page_faults_of_thread();
-  } else if (tick_.state().tick % every == 0) {
+  } else if (tick_->state().tick % every == 0) {
     const auto faults = static_cast<std::uint64_t>(page_faults_of_thread() - faults_before_);
     for (LoopStatistics& s : statistics_.value) s.page_faults.store(faults, relaxed);
   }
@@ -336,7 +362,7 @@ void HapticLoop::capture(const CondensedProblem& problem, const HapticState& sta
 
 void HapticLoop::count(int i, const ForceSample& force) noexcept {
   LoopStatistics& s = statistics_[i];
-  const HapticState& state = tick_.state();
+  const HapticState& state = tick_->state();
   s.wake.record(force.wake_ns);
   if (state.in_contact(i)) {
     s.solve.record(force.solve_ns);

@@ -106,6 +106,14 @@ class HapticLoop {
   // Returns after the last tick; the last force written is zero and disarmed. Idempotent.
   void stop() noexcept;
 
+  // While the simulation is exchanged, for one thread, between start and stop: no problem is taken, and forces
+  // go to zero within the slew limit. at_zero: they are there.
+  void withhold(bool on) noexcept { withheld_.store(on, std::memory_order_release); }
+  bool at_zero() const noexcept { return at_zero_.load(std::memory_order_acquire); }
+  // … the loop goes on with `next`, which takes over clients and arming. Returns what it had, once no tick uses
+  // that any more. next: made for the same devices; its settings and problems are used from here on.
+  std::unique_ptr<HapticTick> exchange(std::unique_ptr<HapticTick> next);
+
   const LoopStatistics& statistics(int device = 0) const noexcept { return statistics_[device]; }
 
  private:
@@ -118,12 +126,13 @@ class HapticLoop {
   void take(std::int64_t intended_ns, HapticInput& input) noexcept;
   bool take_all(HapticInput& input, bool first) noexcept;
   void retune() noexcept;
+  void take_next() noexcept;
   std::int64_t next_slot(std::int64_t intended_ns) noexcept;
   void count(int device, const ForceSample& force) noexcept;
   void capture(const CondensedProblem& problem, const HapticState& state) noexcept;
   void count_page_faults(bool armed) noexcept;
 
-  const HapticOptions& options() const noexcept { return tick_.options(); }
+  const HapticOptions& options() const noexcept { return tick_->options(); }
   std::int64_t solve_by_clock(HapticInput& input) noexcept;
   void record(const HapticInput& input) noexcept;
 
@@ -131,7 +140,9 @@ class HapticLoop {
   LoopDevice& device(int i) noexcept { return devices_[static_cast<std::size_t>(i)]; }
 
   std::vector<LoopDevice> devices_;
-  HapticTick tick_;                     // the loop's thread alone uses it
+  std::unique_ptr<HapticTick> tick_;    // the loop's thread alone uses it
+  std::atomic<HapticTick*> next_{nullptr}, former_{nullptr};  // one at a time
+  std::atomic<bool> withheld_{false}, at_zero_{false};
   EachInstrument<ForceSample> forces_;  // of the newest tick
   Channel<InstrumentInputs>& instrument_inputs_;
   SpscQueue<TickRecord>* records_ = nullptr;

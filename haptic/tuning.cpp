@@ -9,6 +9,17 @@ DeviceTuning tuning_of(const DeviceSettings& d) noexcept {
           d.workspace_radius, d.damping,    d.position_scale, d.force_scale};
 }
 
+void apply(const DeviceTuning& t, DeviceSettings& d) noexcept {
+  d.max_force = t.max_force;
+  d.max_torque = t.max_torque;
+  d.max_force_rate = t.max_force_rate;
+  d.max_speed = t.max_speed;
+  d.workspace_radius = t.workspace_radius;
+  d.damping = t.damping;
+  d.position_scale = t.position_scale;
+  d.force_scale = t.force_scale;
+}
+
 DeviceTuning clamped(const DeviceTuning& wanted, const DeviceTuning& started, double coupling,
                      double stiffness) noexcept {
   DeviceTuning t = wanted;

@@ -28,6 +28,7 @@ struct DeviceTuning {
 };
 
 DeviceTuning tuning_of(const DeviceSettings& device) noexcept;
+void apply(const DeviceTuning& tuning, DeviceSettings& device) noexcept;  // at once
 
 // coupling: K_vc [N/m]; stiffness: the largest that the device displays stably [N/m].
 DeviceTuning clamped(const DeviceTuning& wanted, const DeviceTuning& started, double coupling,

@@ -31,8 +31,9 @@ int semidefinite_cholesky(Mat12& a, Mat12& V, double smallest) noexcept {
 ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3& rotation,
                          const Tet& corners) noexcept {
   const Material& material = model.material;
+  const Elasticity& law = model.elastic[tet];
   const double stiffness = model.dynamic ? 1 + material.rayleigh_stiffness / h : 1;
-  const double mass = model.dynamic ? (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * material.density *
+  const double mass = model.dynamic ? (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * law.density *
                                           model.volume[tet]
                                     : 0;
   const Gradients rotated = rotation * model.gradients[tet];
@@ -49,7 +50,7 @@ ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3
     for (int j = 0; j <= i; ++j) {
       if (model.fixed[corners[j]]) continue;
       a.block<3, 3>(3 * i, 3 * j) = stiffness_block(b.col(i), b.col(j), model.volume[tet],
-                                                    stiffness * material.mu(), stiffness * material.lambda());
+                                                    stiffness * law.mu, stiffness * law.lambda);
     }
     a.diagonal().segment<3>(3 * i).array() += mass;
   }

@@ -22,7 +22,7 @@ double stiffness_factor(const Material& m, bool dynamic, double h) noexcept {
 }  // namespace
 
 SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, double h)
-    : h_(h), material_(model.material), dynamic_(model.dynamic), fixed_(model.fixed) {
+    : h_(h), material_(model.material), dynamic_(model.dynamic), fixed_(model.fixed), springs_(model.springs) {
   const int nodes = graph.node_count();
   std::vector<int> first_edge(nodes + 1, 0);
   edges_.reserve(graph.neighbour.size() / 2);
@@ -62,6 +62,7 @@ SystemMatrix::Element element_of(const TissueModel& model, int t) noexcept {
     element.gradients.col(a) = model.gradients[t].col(corner[a]);
   }
   element.volume = model.volume[t];
+  element.law = model.elastic[t];
   return element;
 }
 
@@ -75,21 +76,18 @@ int known_ancestor(const TissueModel& model, std::span<const SystemMatrix::Eleme
 }
 
 double SystemMatrix::stiffness() const noexcept { return stiffness_factor(material_, dynamic_, h_); }
-double SystemMatrix::mu() const noexcept { return stiffness() * material_.mu(); }
-double SystemMatrix::lambda() const noexcept { return stiffness() * material_.lambda(); }
-double SystemMatrix::lumped_mass(double volume) const noexcept {
-  return mass_factor(material_, dynamic_, h_) * 0.25 * material_.density * volume;
+double SystemMatrix::lumped_mass(const Element& element) const noexcept {
+  return mass_factor(material_, dynamic_, h_) * 0.25 * element.law.density * element.volume;
 }
 
 void SystemMatrix::assemble(const TissueState& state) noexcept {
-  const double mu = this->mu();
-  const double lambda = this->lambda();
   std::fill(diagonal_.begin(), diagonal_.end(), Mat3::Zero());
   std::fill(coupling_.begin(), coupling_.end(), Mat3::Zero());
   for (std::size_t t = 0; t < elements_.size(); ++t) {
     if (!state.alive[t]) continue;
     const Element& element = elements_[t];
     const Gradients b = state.rotation[t] * element.gradients;
+    const double mu = this->mu(element), lambda = this->lambda(element);
     for (int a = 0; a < 4; ++a)
       diagonal_[element.node[a]] += stiffness_block(b.col(a), b.col(a), element.volume, mu, lambda);
     for (int p = 0; p < 6; ++p) {
@@ -108,6 +106,7 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
     in_system_[n] = !fixed_[n] && state.live_tets_of_node[n] > 0;
     if (!in_system_[n]) continue;
     diagonal_[n].diagonal().array() += mass_factor(material_, dynamic_, h_) * state.mass[n];
+    if (!springs_.empty()) diagonal_[n].diagonal().array() += stiffness() * springs_[n].stiffness;
     trace += diagonal_[n].trace();
     ++nodes;
   }
@@ -206,8 +205,8 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
       for (int j = 0; j < 4; ++j)
         add(tet[i], tet[j],
             stiffness_factor(model.material, model.dynamic, h) *
-                stiffness_block(b.col(i), b.col(j), model.volume[t], model.material.mu(),
-                                model.material.lambda()));
+                stiffness_block(b.col(i), b.col(j), model.volume[t], model.elastic[t].mu,
+                                model.elastic[t].lambda));
   }
   for (const Collapsed& c : state.collapsed)
     for (int i = 0; state.alive[c.tet] && i < 4; ++i)
@@ -217,6 +216,9 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
   for (int n = 0; n < model.node_count(); ++n) {
     if (!in_system(n)) continue;
     add(n, n, mass_factor(model.material, model.dynamic, h) * state.mass[n] * Mat3::Identity());
+    if (!model.springs.empty())
+      add(n, n,
+          stiffness_factor(model.material, model.dynamic, h) * model.springs[n].stiffness * Mat3::Identity());
     ++nodes;
   }
   const double identity_scale = nodes > 0 && trace > 0 ? trace / (3 * nodes) : 1.0;

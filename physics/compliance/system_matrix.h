@@ -5,7 +5,7 @@
 // Units: A [N/m], h [s]. Shapes: one block per node, one per edge (i, j) with i < j: rows of i, columns of j;
 // the blocks of (j, i) are their transposes. Rows of fixed and orphan nodes are those of the identity times
 // `identity_scale`, the mean diagonal of the others, so that they neither couple nor spoil the conditioning.
-// Only nodes in use have rows. Everything
+// Only nodes in use have rows. K has the springs' k I too, on their nodes. Everything
 // needed is copied: the model may go. Source: the paper, eq. (2).
 #pragma once
 
@@ -49,6 +49,7 @@ class SystemMatrix {
                                -1, -1, -1};   // 01 02 03 12 13 23 of `node`; -1 where a node is fixed
     Gradients gradients = Gradients::Zero();  // columns follow `node`
     double volume = 0;
+    Elasticity law = {};
   };
   const std::vector<Element>& elements() const noexcept {
     return elements_;
@@ -58,9 +59,9 @@ class SystemMatrix {
   // What one element adds: blocks from (1 + β/h) μ and λ, and on the diagonal of each of its nodes
   // (1/h² + α/h) times a quarter of its mass.
   double stiffness() const noexcept;  // 1 + β/h
-  double mu() const noexcept;
-  double lambda() const noexcept;
-  double lumped_mass(double volume) const noexcept;
+  double mu(const Element& element) const noexcept { return stiffness() * element.law.mu; }
+  double lambda(const Element& element) const noexcept { return stiffness() * element.law.lambda; }
+  double lumped_mass(const Element& element) const noexcept;
 
  private:
   void add_collapsed(const Collapsed& c) noexcept;
@@ -69,6 +70,7 @@ class SystemMatrix {
   Material material_;
   bool dynamic_;
   std::vector<std::uint8_t> fixed_;
+  std::vector<NodeSpring> springs_;  // of the model
   std::vector<Element> elements_;
   std::vector<Edge> edges_;
   std::vector<Mat3> diagonal_;

@@ -73,6 +73,7 @@ void add_half(TissueModel& model, TissueState& state, CutWorkspace& work, int te
   model.mesh.tets[half][i] = m;
   model.mesh.tets[tet][j] = m;
   model.parent[half] = tet;
+  model.elastic[half] = model.elastic[tet];
   state.alive[half] = 1;
   state.rotation[half] = state.rotation[tet];
   set_shape(model, tet);

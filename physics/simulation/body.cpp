@@ -15,6 +15,8 @@ TissueModel model_of(BodySettings& s, const Vec3& gravity) {
     model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity, s.room);
     model.corotational = s.corotational;
     model.dynamic = s.dynamic;
+    for (const TissueRegion& region : s.regions) set_region(model, region);
+    set_springs(model, s.springs);
     return model;
   }
   model.mesh = std::move(s.mesh);

@@ -16,6 +16,7 @@
 #include "physics/simulation/free_motion.h"
 #include "physics/simulation/step/energy_bound.h"
 #include "physics/tissue/surface.h"
+#include "physics/tissue/tissue_parts.h"
 #include "physics/tissue/tissue.h"
 
 namespace hapticd {
@@ -34,6 +35,8 @@ struct BodySettings {
   double toughness = 0;          // against blades [J/m²]; 0: they do not cut it
   TearSettings tearing = {};     // off unless its toughness is positive
   double cutting_viscosity = 0;  // c: what cutting costs more by its speed [N·s/m²]
+  std::vector<TissueRegion> regions = {};  // deformable only; a stretched one cannot be cut
+  std::vector<NodeSpring> springs = {};    // deformable only; per node, or empty
 };
 
 // Nothing here outlives the function that fills it.

@@ -31,7 +31,7 @@ void keep_factored_rotation(Body& body, int t) {
   const Mat3 F = deformation_gradient(corners_of(tet, body.state.x), m.gradients[t]);
   const Mat3& R = body.scratch.factored_rotation[t];
   const Mat3 A = R.transpose() * F;
-  const double mu = m.material.mu(), lambda = m.material.lambda();
+  const auto [mu, lambda, density] = m.elastic[t];
   const Corners change =
       element_forces(0.5 * R * (A + A.transpose()), R, m.gradients[t], m.volume[t], mu, lambda) -
       element_forces(F, body.state.rotation[t], m.gradients[t], m.volume[t], mu, lambda);

@@ -9,9 +9,9 @@ namespace hapticd {
 
 ConfigurationalForces configurational_forces(const TissueModel& model, const TissueState& state) {
   ConfigurationalForces G{VecX::Zero(3 * model.node_count()), VecX::Zero(3 * model.node_count())};
-  const double mu = model.material.mu(), lambda = model.material.lambda();
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
+    const auto [mu, lambda, density] = model.elastic[t];
     const Mat3 F = deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]);
     const Mat3& R = state.rotation[t];
     const double dilation = R.cwiseProduct(F).sum() - 3;

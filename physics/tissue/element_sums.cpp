@@ -20,20 +20,21 @@ void clear_fixed(const TissueModel& model, Eigen::Ref<VecX> f) noexcept {
 struct Eight {
   Lanes3x4 g;
   Lanes3x3 R;
-  double volume[element_lanes];
+  double volume[element_lanes], mu[element_lanes], lambda[element_lanes];
 
   Eight(const TissueModel& model, const TissueState& state, const int* tet) noexcept {
     load_gradients(model, tet, g);
     for (int l = 0; l < element_lanes; ++l) {
       R.set(l, state.rotation[tet[l]].data());
       volume[l] = model.volume[tet[l]];
+      mu[l] = model.elastic[tet[l]].mu;
+      lambda[l] = model.elastic[tet[l]].lambda;
     }
   }
 };
 
 // P = −V (2μ (F − R) + λ (tr(RᵀF) − 3) R); F is made symmetric first where it is linear tissue's.
 void stresses(const TissueModel& model, const Eight& of, Lanes3x3& F, Lanes3x3& P) noexcept {
-  const double mu = model.material.mu(), lambda = model.material.lambda();
   for (int j = 0; !model.corotational && j < 3; ++j)
     for (int i = 0; i < j; ++i)
       for (int l = 0; l < element_lanes; ++l)
@@ -41,15 +42,14 @@ void stresses(const TissueModel& model, const Eight& of, Lanes3x3& F, Lanes3x3& 
   for (int l = 0; l < element_lanes; ++l) {
     double trace = 0;
     for (int k = 0; k < 9; ++k) trace += of.R.m[k][l] * F.m[k][l];
-    const double along = -of.volume[l] * (lambda * (trace - 3) - 2 * mu), of_F = -of.volume[l] * 2 * mu;
+    const double along = -of.volume[l] * (of.lambda[l] * (trace - 3) - 2 * of.mu[l]),
+                 of_F = -of.volume[l] * 2 * of.mu[l];
     for (int k = 0; k < 9; ++k) P.m[k][l] = of_F * F.m[k][l] + along * of.R.m[k][l];
   }
 }
 
 // P −= s V (μ (G + R Gᵀ R) + λ tr(RᵀG) R): what the law linearised at R answers to a motion of gradient G.
-void subtract_linear(const TissueModel& model, const Eight& of, double s, const Lanes3x3& G,
-                     Lanes3x3& P) noexcept {
-  const double mu = model.material.mu(), lambda = model.material.lambda();
+void subtract_linear(const Eight& of, double s, const Lanes3x3& G, Lanes3x3& P) noexcept {
   const auto& R = of.R.m;
   for (int l = 0; l < element_lanes; ++l) {
     double trace = 0;
@@ -59,7 +59,8 @@ void subtract_linear(const TissueModel& model, const Eight& of, double s, const 
       for (int j = 0; j < 3; ++j)
         A[i][j] = G.m[3 * i][l] * R[3 * j][l] + G.m[3 * i + 1][l] * R[3 * j + 1][l] +
                   G.m[3 * i + 2][l] * R[3 * j + 2][l];
-    const double of_G = s * of.volume[l] * mu, along = s * of.volume[l] * lambda * trace;
+    const double of_G = s * of.volume[l] * of.mu[l],
+                 along = s * of.volume[l] * of.lambda[l] * trace;
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 3; ++i) {
         const double turned = R[i][l] * A[0][j] + R[3 + i][l] * A[1][j] + R[6 + i][l] * A[2][j];
@@ -90,13 +91,20 @@ void sum_forces(const TissueModel& model, const TissueState& state, bool at_x, c
     if (dx) {
       load_corners(model, tet, motion(*dx), x);
       deformation_gradients(x, of.g, F);
-      subtract_linear(model, of, s, F, P);
+      subtract_linear(of, s, F, P);
     }
     add_forces(model, tet, count, P, of.g, f.data());
   });
   for (const Collapsed& c : state.collapsed)
     for (int a = 0; at_x && state.alive[c.tet] && a < 4; ++a)
       f.segment<3>(3 * c.node[a]) += c.force * c.push.col(a);
+  for (std::size_t n = 0; n < model.springs.size(); ++n) {
+    const auto i = static_cast<Eigen::Index>(3 * n);
+    const NodeSpring& spring = model.springs[n];
+    if (state.live_tets_of_node[n] == 0) continue;
+    if (at_x) f.segment<3>(i) -= spring.stiffness * (state.x[n] - spring.anchor);
+    if (dx) f.segment<3>(i) -= s * spring.stiffness * dx->segment<3>(i);
+  }
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ bool hangs(const TissueModel& model, const TissueState& state, std::span<const i
   std::vector<int> corners;
   for (const int t : fragment)
     corners.insert(corners.end(), model.mesh.tets[t].begin(), model.mesh.tets[t].end());
-  const auto is_fixed = [&](int n) { return model.fixed[n] != 0; };
+  const auto is_fixed = [&](int n) { return model.holds(n); };
   const auto is_shared = [&](int n) {
     return std::count(corners.begin(), corners.end(), n) < state.live_tets_of_node[n];
   };
@@ -96,7 +96,7 @@ Pieces find_pieces(const TissueModel& model, const TissueState& state) {
     if (p >= pieces.count()) pieces.held.resize(static_cast<std::size_t>(p) + 1, 0);
     for (const int n : model.mesh.tets[t]) {
       pieces.of_node[n] = p;
-      if (model.fixed[n]) pieces.held[p] = 1;
+      if (model.holds(n)) pieces.held[p] = 1;
     }
   }
   return pieces;
@@ -112,7 +112,7 @@ std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState
     const Tet& tet = model.mesh.tets[t];
     fragment.tets.push_back(t);
     fragment.volume += model.volume[t];
-    fragment.held |= std::any_of(tet.begin(), tet.end(), [&](int n) { return model.fixed[n] != 0; });
+    fragment.held |= std::any_of(tet.begin(), tet.end(), [&](int n) { return model.holds(n); });
   }
   return fragments;
 }

@@ -16,7 +16,7 @@ namespace hapticd {
 
 struct Fragment {
   std::vector<int> tets;  // ascending
-  bool held = false;      // some node of it is fixed
+  bool held = false;      // some node of it is fixed or has a spring
   double volume = 0;
 };
 
@@ -27,7 +27,7 @@ std::vector<int> label_pieces(const TissueModel& model, const TissueState& state
 // The pieces, tetrahedra and nodes numbered; -1 for removed tetrahedra and nodes that have none left.
 struct Pieces {
   std::vector<int> of_tet, of_node;
-  std::vector<char> held;  // some node of it is fixed
+  std::vector<char> held;  // some node of it is fixed or has a spring
   int count() const noexcept { return static_cast<int>(held.size()); }
 };
 Pieces find_pieces(const TissueModel& model, const TissueState& state);

@@ -11,7 +11,6 @@ namespace {
 // add(t, energy) of each live tetrahedron.
 template <typename Add>
 void each_energy(const TissueModel& model, const TissueState& state, const VecX& dx, const Add& add) noexcept {
-  const double mu = model.material.mu(), lambda = model.material.lambda();
   each_eight(model, state, [&](const int* tet, int count) {
     Lanes3x4 x, moved, g;
     Lanes3x3 F;
@@ -33,7 +32,8 @@ void each_energy(const TissueModel& model, const TissueState& state, const VecX&
     for (int l = 0; l < count; ++l) {
       const Mat3 of = F.matrix(l);
       const Mat3 strained = model.corotational ? of : Mat3(0.5 * (of + of.transpose()));
-      double energy = element_energy(strained, R[l], model.volume[tet[l]], mu, lambda);
+      const Elasticity& law = model.elastic[tet[l]];
+      double energy = element_energy(strained, R[l], model.volume[tet[l]], law.mu, law.lambda);
       if (model.corotational && model.material.law == Law::guarded)
         energy += barrier_energy(model, tet[l], of);
       add(tet[l], energy);
@@ -41,11 +41,22 @@ void each_energy(const TissueModel& model, const TissueState& state, const VecX&
   });
 }
 
+// add(n, energy) of each node with a spring and tissue.
+template <typename Add>
+void each_spring_energy(const TissueModel& model, const TissueState& state, const VecX& dx,
+                        const Add& add) noexcept {
+  for (std::size_t n = 0; n < model.springs.size(); ++n)
+    if (state.live_tets_of_node[n] > 0)
+      add(static_cast<int>(n),
+          spring_energy(model.springs[n], state.x[n] + dx.segment<3>(static_cast<Eigen::Index>(3 * n))));
+}
+
 }  // namespace
 
 double stored_energy(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
   double sum = 0;
   each_energy(model, state, dx, [&](int, double energy) { sum += energy; });
+  each_spring_energy(model, state, dx, [&](int, double energy) { sum += energy; });
   return sum;
 }
 
@@ -53,6 +64,7 @@ void stored_energies(const TissueModel& model, const TissueState& state, const P
                      VecX& energy) noexcept {
   energy.setZero();
   each_energy(model, state, dx, [&](int t, double of_tet) { energy[pieces.of_tet[t]] += of_tet; });
+  each_spring_energy(model, state, dx, [&](int n, double of_node) { energy[pieces.of_node[n]] += of_node; });
 }
 
 }  // namespace hapticd

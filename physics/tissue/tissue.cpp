@@ -31,7 +31,7 @@ void sum_mass(const TissueModel& model, TissueState& state) {
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
     for (const int n : model.mesh.tets[t]) {
-      state.mass[n] += 0.25 * model.material.density * model.volume[t];
+      state.mass[n] += 0.25 * model.elastic[t].density * model.volume[t];
       ++state.live_tets_of_node[n];
     }
   }
@@ -71,6 +71,7 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
   model.mesh.tets.resize(model.mesh.tets.size() + static_cast<std::size_t>(room.tets), no_tet);
   model.gradients.resize(model.mesh.tets.size(), Gradients::Zero());
   model.volume.resize(model.mesh.tets.size(), 0.0);
+  model.elastic.assign(model.mesh.tets.size(), elasticity(material));
   model.parent.resize(model.mesh.tets.size());
   std::iota(model.parent.begin(), model.parent.end(), 0);
   model.across = faces_across(model.mesh.tets);
@@ -153,15 +154,16 @@ void external_forces(const TissueModel& model, const TissueState& state, Eigen::
 }
 
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept {
-  const double mu = model.material.mu();
-  const double lambda = model.material.lambda();
   double energy = 0;
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
     const Mat3 F =
         straining(model, deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]));
-    energy += element_energy(F, state.rotation[t], model.volume[t], mu, lambda);
+    energy += element_energy(F, state.rotation[t], model.volume[t], model.elastic[t].mu,
+                             model.elastic[t].lambda);
   }
+  for (std::size_t n = 0; n < model.springs.size(); ++n)
+    if (state.live_tets_of_node[n] > 0) energy += spring_energy(model.springs[n], state.x[n]);
   for (const Collapsed& c : state.collapsed)
     if (state.alive[c.tet]) energy += c.energy;
   return energy;

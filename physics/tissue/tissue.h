@@ -1,6 +1,6 @@
 // One deformable body: what only a cut changes (TissueModel) and what moves (TissueState).
 //
-//   M a + B v = f_int(x) + f_ext + Hᵀλ,   f_int = −∂E/∂x,   E = Σ_e V_e (μ‖F−R‖² + λ/2 tr(RᵀF−I)²)
+//   M a + B v = f_int(x) + f_ext + Hᵀλ,   f_int = −∂E/∂x,   E = Σ_e V_e (μ‖F−R‖² + λ/2 tr(RᵀF−I)²) + springs
 //
 // Co-rotational linear tetrahedra with lumped mass. Units: m, kg, N, J. Shapes: per node Vec3, per
 // tetrahedron Mat3. Fixed nodes never move; orphan nodes (no live tetrahedron left) leave the system:
@@ -26,9 +26,29 @@ struct MeshRoom {
   int tets = 0;
 };
 
+// What of a material may differ between the tetrahedra of one body (tissue_parts.h).
+struct Elasticity {
+  double mu = 0, lambda = 0;  // [Pa]
+  double density = 0;         // [kg/m³]
+};
+
+// A spring from a node to a point of the world: f = −k (x − anchor), whatever way it is drawn. It is part of K,
+// damped as the tissue is.
+struct NodeSpring {
+  double stiffness = 0;  // k [N/m]; 0: none
+  Vec3 anchor = Vec3::Zero();
+};
+
+inline Elasticity elasticity(const Material& m) noexcept { return {m.mu(), m.lambda(), m.density}; }
+inline double spring_energy(const NodeSpring& spring, const Vec3& x) noexcept {
+  return 0.5 * spring.stiffness * (x - spring.anchor).squaredNorm();
+}
+
 struct TissueModel {
   TetMesh mesh;  // the spare ones last: nodes where the first is, tetrahedra of no_tet
-  Material material;
+  Material material;                // its damping and law are the whole body's
+  std::vector<Elasticity> elastic;  // per tetrahedron
+  std::vector<NodeSpring> springs;  // per node; empty: there are none
   std::vector<Gradients> gradients;  // per tetrahedron, rest shape
   std::vector<double> volume;        // per tetrahedron [m³]
   std::vector<int> across;           // faces_across (surface.h)
@@ -38,6 +58,11 @@ struct TissueModel {
   Vec3 gravity = Vec3::Zero();  // [m/s²]
   bool corotational = true;     // false: every rotation stays the identity, f_int = −K u
   bool dynamic = true;          // false: no inertia and no damping, A = K
+
+  // Something of the world holds the node.
+  bool holds(int node) const noexcept {
+    return fixed[node] != 0 || (!springs.empty() && springs[node].stiffness > 0);
+  }
 
   // The spare ones too.
   int node_count() const noexcept { return static_cast<int>(mesh.nodes.size()); }

@@ -15,22 +15,22 @@ Mat3 cofactor(const Mat3& F) noexcept {
   return C;
 }
 
-double stiffness_of(const TissueModel& model) noexcept {
-  return barrier_stiffness * (model.material.lambda() + 2 * model.material.mu());
+double stiffness_of(const TissueModel& model, int tet) noexcept {
+  return barrier_stiffness * (model.elastic[tet].lambda + 2 * model.elastic[tet].mu);
 }
 
 }  // namespace
 
 double barrier_energy(const TissueModel& model, int tet, const Mat3& F) noexcept {
   const double lost = std::max(0.0, barrier_from - F.determinant());
-  return 0.5 * model.volume[tet] * stiffness_of(model) * lost * lost;
+  return 0.5 * model.volume[tet] * stiffness_of(model, tet) * lost * lost;
 }
 
 void barrier(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept {
   const double J = F.determinant();
   if (!(J < barrier_from)) return;
   const double volume = model.volume[tet];
-  const double kappa = stiffness_of(model);
+  const double kappa = stiffness_of(model, tet);
   const double pressure = kappa * (barrier_from - J);
   Collapsed c;
   c.tet = tet;

@@ -8,6 +8,7 @@
 #include "haptic/allocation_count.h"
 #include "server/dds/dds_sockets.h"
 #include "server/observe/dds_log.h"
+#include "server/observe/log.h"
 #include "server/scene/scene_world.h"
 
 namespace hapticd {
@@ -26,7 +27,7 @@ double resident_mb() {
 }  // namespace
 
 Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
-    : scene_(scene),
+    : scene_(&scene),
       grants_(process_grants()),
       realtime_core_(process_cores().back()),
       simulation_core_(process_cores().front()),
@@ -45,6 +46,12 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
   };
   add(devices_of(scene));
   for (const DeviceSettings& device : scene.more_devices) add({device});
+  try {
+    commands_.emplace(participant_);
+  } catch (const std::runtime_error& e) {
+    log(LogLevel::warning, "no_commands",
+        std::string("no commands over DDS (keys of an older version? run make_keys.sh again): ") + e.what());
+  }
   grants_.push_back(latency_.grant());
   grants_.push_back(core_isolation_.grant());
 }
@@ -63,6 +70,37 @@ void Daemon::start() {
 
 void Daemon::stop() noexcept {
   for (const auto& session : sessions_) session->stop();
+}
+
+void Daemon::reset() {
+  simulate([this]() -> const Scene& { return *scene_; });
+}
+
+void Daemon::restart(const std::function<Scene()>& make) {
+  std::unique_ptr<const Scene> next;
+  simulate([&]() -> const Scene& {
+    next = std::make_unique<const Scene>(make());
+    return *next;
+  });
+  scene_ = next.get();
+  former_ = std::exchange(own_, std::move(next));
+}
+
+void Daemon::simulate(const std::function<const Scene&()>& scene_to_run) {
+  for (const auto& session : sessions_)
+    if (!session->may_restart())
+      throw std::runtime_error("not while a schedule or captures are written: they are of one simulation");
+  for (const auto& session : sessions_) session->rest();
+  try {
+    const Scene& scene = scene_to_run();
+    for (std::size_t i = 0; i < sessions_.size(); ++i)
+      sessions_[i]->prepare(scene, i == 0 ? devices_of(scene) : std::vector{scene.more_devices.at(i - 1)});
+  } catch (...) {
+    for (const auto& session : sessions_) session->abandon();
+    throw;
+  }
+  const std::lock_guard no_figures(exchange_);
+  for (const auto& session : sessions_) session->commit();
 }
 
 bool Daemon::failed() const noexcept {
@@ -86,6 +124,7 @@ std::string Daemon::metrics() const {
   process.packets_refused = packets_refused();
   process.dds_lines = dds_lines();
   process.lines_lost = lines_lost();
+  const std::lock_guard no_exchange(exchange_);
   std::vector<MetricsSource> devices;
   for (const auto& session : sessions_)
     for (int i = 0; i < session->devices(); ++i) devices.push_back(session->metrics(i));
@@ -94,7 +133,7 @@ std::string Daemon::metrics() const {
 
 nlohmann::json Daemon::summary() const {
   nlohmann::json j = sessions_.front()->summary(0);
-  j["scene"] = scene_.name;
+  j["scene"] = scene_->name;
   j["time_ns"] = monotonic_ns();
   j["rss_mb"] = resident_mb();
   if (allocation_count::available) {

@@ -4,18 +4,21 @@
 //   start: simulations and haptic loops, then diagnostics;   stop: haptic loop first (the device feels zero),
 //   then simulation, then diagnostics (which drains what they left)
 //
-// Thread safety: one owner thread. Errors: the constructor and start throw std::runtime_error or
+// Thread safety: one owner thread, but for metrics. Errors: the constructor and start throw std::runtime_error or
 // std::invalid_argument; a refused privilege is a Grant, not an error.
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "server/app/world_session.h"
+#include "server/dds/command.h"
 #include "server/observe/metrics.h"
 #include "server/os/core_isolation.h"
 
@@ -40,6 +43,16 @@ class Daemon {
   void start();
   void stop() noexcept;
 
+  // The simulation from its start, of this scene or another one: devices are at zero meanwhile, and their forces
+  // rise in 100 ms with its first problem. Throws what making a world does, and std::runtime_error while a schedule
+  // or captures are written; the old world then goes on. make: called while the devices are at zero; a scene with the
+  // same device ids in the same order.
+  void reset();
+  void restart(const std::function<Scene()>& make);
+
+  // What is asked over DDS; null: the keys do not allow it.
+  CommandPort* commands() noexcept { return commands_ ? &*commands_ : nullptr; }
+
   bool failed() const noexcept;
   std::string failure() const;
   const std::vector<Grant>& grants() const noexcept { return grants_; }
@@ -51,7 +64,11 @@ class Daemon {
   const std::vector<std::unique_ptr<WorldSession>>& sessions() const noexcept { return sessions_; }
 
  private:
-  const Scene& scene_;
+  void simulate(const std::function<const Scene&()>& scene);
+
+  const Scene* scene_;
+  std::unique_ptr<const Scene> own_, former_;  // of restarts; the former for who still shows it
+  mutable std::mutex exchange_;                // of a world, while figures are read
   const std::int64_t made_ns_ = monotonic_ns();
   std::vector<Grant> grants_;
   CpuLatency latency_;
@@ -61,6 +78,7 @@ class Daemon {
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;
+  std::optional<CommandPort> commands_;
   std::vector<std::unique_ptr<WorldSession>> sessions_;
 };
 

@@ -49,6 +49,12 @@ bool is_taken(const std::string& key) {
          key.ends_with("mapping.force_scale");
 }
 
+// Of what only the start can make.
+bool needs_restart(const std::string& key) {
+  return key == "haptic.mode" || key == "ros2" || key == "device" || key.ends_with(".device") ||
+         key.ends_with(".id") || (key.starts_with("more_devices") && !key.ends_with("position_scale"));
+}
+
 // Keys that are there on one side only, or with another value.
 std::vector<std::string> changed(const FlatYaml& a, const FlatYaml& b) {
   std::set<std::string> keys;
@@ -88,12 +94,23 @@ Reloader::Reloader(const Scene& scene, const std::string& device, const std::vec
       also_(also),
       log_level_(scene.log_level),
       keys_(flat_yaml(scene.file)),
-      started_(devices_of(scene, keys_)) {
+      started_(devices_of(scene, keys_)),
+      meshes_(meshes_of(scene)) {
   for (const ReloadedDevice& d : started_) now_.push_back(d.tuning);
   for (const SceneInstrument& held : scene.instruments)
     device_keys_.emplace(held.device_file, flat_yaml(held.device_file));
+}
+
+Reloader::Meshes Reloader::meshes_of(const Scene& scene) {
+  Meshes meshes;
   for (const SceneBody& body : scene.bodies)
-    meshes_.emplace_back(body.mesh_file, fs::last_write_time(body.mesh_file));
+    meshes.emplace_back(body.mesh_file, fs::last_write_time(body.mesh_file));
+  return meshes;
+}
+
+void Reloader::begun_anew() {
+  keys_ = newest_keys_;
+  meshes_ = newest_meshes_;
 }
 
 // now: the tuning of `started` that is asked for at present; gets what is given.
@@ -133,8 +150,14 @@ Reload Reloader::read() {
       for (const ReloadedDevice& w : wanted)
         if (w.id == started_[i].id) retune(started_[i], w, r.tunings[i], r);
 
-  for (const std::string& key : changed(keys_, keys))
-    if (!is_taken(key)) r.not_taken.push_back(key + " (restart for it)");
+  const bool same_devices = std::ranges::equal(wanted, started_, {}, &ReloadedDevice::id, &ReloadedDevice::id);
+  for (const std::string& key : changed(keys_, keys)) {
+    if (is_taken(key)) continue;
+    if (same_devices && !needs_restart(key))
+      r.anew.push_back(key);
+    else
+      r.not_taken.push_back(key + " (restart for it)");
+  }
   for (const auto& [file, keys_at_start] : device_keys_) {
     const bool used = std::any_of(scene.instruments.begin(), scene.instruments.end(),
                                   [&](const SceneInstrument& held) { return held.device_file == file; });
@@ -143,11 +166,18 @@ Reload Reloader::read() {
       if (key == "id" || key == "max_stiffness")
         r.not_taken.push_back(file.string() + ": " + key + " (restart for it)");
   }
-  for (const auto& [mesh, written] : meshes_) {
-    std::error_code error;
-    const auto newest = fs::last_write_time(mesh, error);
-    if (!error && newest != written) r.not_taken.push_back(mesh.string() + ": a newer mesh (restart for it)");
+  newest_keys_ = keys;
+  newest_meshes_ = meshes_of(scene);
+  // Another file is another key.
+  for (const auto& [mesh, written] : newest_meshes_) {
+    const auto before = std::ranges::find(meshes_, mesh, &Meshes::value_type::first);
+    if (before == meshes_.end() || before->second == written) continue;
+    if (same_devices)
+      r.anew.push_back(mesh.string() + ": a newer mesh");
+    else
+      r.not_taken.push_back(mesh.string() + ": a newer mesh (restart for it)");
   }
+  if (!r.anew.empty()) r.scene = std::move(scene);
   now_ = r.tunings;
   log_level_ = r.log_level;
   return r;

@@ -1,8 +1,11 @@
-// Reading a scene again while it runs (SIGHUP): what can be taken, and what needs a restart.
+// Reading a scene again while it runs (SIGHUP, `haptic reload`): what can be taken, and what needs a restart.
 //
 //   taken       limits of the device files, mapping.position_scale, mapping.force_scale, logging.level
 //   clamped     haptic/tuning.h
-//   not taken   every other key whose value is another than at the start, and meshes whose file is newer
+//   anew        every other key whose value changed, and meshes whose file is newer: the simulation begins again
+//               with the scene as it now is, the devices at zero meanwhile (Daemon::restart)
+//   not taken   which devices there are and how they are driven: more_devices, device, ids, haptic.mode, ros2;
+//               where the devices' ids changed, all that would be anew
 //
 // A device is found again by its id: one that is no longer there stays as it is, and all do where their
 // number is another. A device whose file is another than at the start keeps its limits. Errors: read throws
@@ -11,6 +14,7 @@
 
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,7 +32,9 @@ struct Reload {
   std::string log_level;
   std::vector<std::string> taken;      // "device 0: max_force 3.3 → 2"
   std::vector<std::string> clamped;    // what was asked for and is not safe
-  std::vector<std::string> not_taken;  // "simulation.rate (restart for it)"
+  std::vector<std::string> anew;       // "simulation.rate"
+  std::vector<std::string> not_taken;  // "haptic.mode (restart for it)"
+  std::optional<Scene> scene;          // where something is anew
 };
 
 // A device as a scene describes it.
@@ -45,6 +51,8 @@ class Reloader {
   Reloader(const Scene& scene, const std::string& device, const std::vector<std::string>& also);
 
   Reload read();
+  // The simulation began anew with the scene that was read last.
+  void begun_anew();
 
  private:
   void retune(const ReloadedDevice& started, const ReloadedDevice& wanted, DeviceTuning& now,
@@ -58,7 +66,11 @@ class Reloader {
   std::vector<ReloadedDevice> started_;
   std::vector<DeviceTuning> now_;
   std::map<std::filesystem::path, FlatYaml> device_keys_;
-  std::vector<std::pair<std::filesystem::path, std::filesystem::file_time_type>> meshes_;
+  using Meshes = std::vector<std::pair<std::filesystem::path, std::filesystem::file_time_type>>;
+  static Meshes meshes_of(const Scene& scene);
+  Meshes meshes_;
+  FlatYaml newest_keys_;
+  Meshes newest_meshes_;
 };
 
 }  // namespace hapticd

@@ -3,15 +3,34 @@
 #include <algorithm>
 #include <cmath>
 #include <ctime>
+#include <thread>
 
 #include "server/files/input_error.h"
 #include "server/observe/log.h"
+#include "server/plan/plan.h"
 
 namespace hapticd {
 namespace {
 
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr std::int64_t figures_every_ns = 1'000'000'000;
+
+// The service manager hears of the daemon while its one ordinary thread is busy with another scene, as long as
+// that may take.
+class KeepAlive {
+ public:
+  explicit KeepAlive(const Notifier& notifier)
+      : thread_([&notifier](const std::stop_token& stop) {
+          if (notifier.watchdog_ns() <= 0) return;
+          const std::int64_t every = notifier.watchdog_ns() / 8, until = monotonic_ns() + longest_ns;
+          for (; !stop.stop_requested() && monotonic_ns() < until; sleep_until(monotonic_ns() + every))
+            notifier.ping();
+        }) {}
+
+ private:
+  static constexpr std::int64_t longest_ns = 60'000'000'000;
+  std::jthread thread_;
+};
 
 LoopCounters counters_of(const WorldSession& session, int device) {
   const LoopStatistics& h = session.haptic_statistics(device);
@@ -73,6 +92,7 @@ void Service::run() {
     if (number == SIGHUP && info.si_code == SI_KERNEL) return;
     if (number == SIGHUP) reload();
     if (options_.test_hooks) test_hook(info);
+    answer_commands();
     const std::int64_t now = monotonic_ns();
     if (pings_.due(now, counts())) notifier_.ping();
     look(now);
@@ -113,11 +133,40 @@ void Service::look(std::int64_t now_ns) {
   }
 }
 
-void Service::reload() {
-  notifier_.reloading(monotonic_ns());
-  std::string status = "reloaded";
+void Service::answer_commands() {
+  CommandPort* port = daemon_.commands();
+  while (const std::optional<AskedCommand> asked = port ? port->take() : std::nullopt) {
+    const Outcome outcome = asked->command == ServerCommand::reset ? reset() : reload();
+    port->reply(asked->asker, outcome.done, outcome.message);
+  }
+}
+
+Service::Outcome Service::reset() {
+  const KeepAlive busy(notifier_);
   try {
-    const Reload r = reloader_.read();
+    const std::int64_t begun = monotonic_ns();
+    daemon_.reset();
+    const auto ms = (monotonic_ns() - begun) / 1'000'000;
+    said_out_of_room_ = false;
+    log(LogLevel::info, "reset", "reset: the scene from its start, after " + std::to_string(ms) + " ms", {{"ms", ms}});
+    return {true, "the scene from its start, after " + std::to_string(ms) + " ms"};
+  } catch (const std::exception& e) {
+    log(LogLevel::error, "reset_failed", std::string("reset failed, nothing changed: ") + e.what());
+    return {false, std::string("nothing changed: ") + e.what()};
+  }
+}
+
+Service::Outcome Service::reload() {
+  const KeepAlive busy(notifier_);
+  notifier_.reloading(monotonic_ns());
+  Outcome outcome{true, ""};
+  try {
+    Reload r = reloader_.read();
+    if (r.scene) {
+      daemon_.restart([&] { return r.scene->plans ? make_plan(*r.scene).scene : std::move(*r.scene); });
+      reloader_.begun_anew();
+      said_out_of_room_ = false;
+    }
     std::size_t next = 0;  // devices in the order of the scene
     for (const auto& session : daemon_.sessions())
       for (int i = 0; i < session->devices() && next < r.tunings.size(); ++i)
@@ -129,15 +178,20 @@ void Service::reload() {
       log(LogLevel::warning, "reload_not_taken", "not taken: " + what, {{"what", what}});
     for (const std::string& what : r.taken)
       log(LogLevel::info, "reload_taken", "taken: " + what, {{"what", what}});
-    log(LogLevel::info, "reloaded",
-        "reloaded: " + std::to_string(r.taken.size()) + " taken, " + std::to_string(r.clamped.size()) +
-            " clamped, " + std::to_string(r.not_taken.size()) + " not taken",
-        {{"taken", r.taken}, {"clamped", r.clamped}, {"not_taken", r.not_taken}});
+    for (const std::string& what : r.anew)
+      log(LogLevel::info, "reload_anew", "the simulation begins again with: " + what, {{"what", what}});
+    outcome.message = "reloaded: " + std::to_string(r.taken.size()) + " taken, " + std::to_string(r.clamped.size()) +
+                      " clamped, " + std::to_string(r.anew.size()) + " anew, " +
+                      std::to_string(r.not_taken.size()) + " not taken";
+    log(LogLevel::info, "reloaded", outcome.message,
+        {{"taken", r.taken}, {"clamped", r.clamped}, {"anew", r.anew}, {"not_taken", r.not_taken}});
+    for (const std::string& what : r.not_taken) outcome.message += "\nnot taken: " + what;
   } catch (const std::exception& e) {
-    status = "reload failed, nothing changed";
-    log(LogLevel::error, "reload_failed", std::string("reload failed, nothing changed: ") + e.what());
+    outcome = {false, std::string("reload failed, nothing changed: ") + e.what()};
+    log(LogLevel::error, "reload_failed", outcome.message);
   }
-  notifier_.ready(status);
+  notifier_.ready(outcome.done ? "reloaded" : "reload failed, nothing changed");
+  return outcome;
 }
 
 void Service::test_hook(const siginfo_t& info) {

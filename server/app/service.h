@@ -3,6 +3,7 @@
 //
 //   SIGTERM, SIGINT   end      SIGUSR1   figures to a file      SIGHUP   the scene again (reload.h);
 //                                                                   of a terminal that is closed: end
+//   haptic/server/command   reset, or the scene again (server/dds/command.h); answered by what came of it
 //   each 0.1 s        incidents (incidents.h), keys that end; at level debug a line of figures each second
 //
 // Thread safety: one thread, which is not a loop's. Errors: none of its own; a reload that fails is said, and
@@ -12,6 +13,7 @@
 #include <csignal>
 #include <functional>
 #include <optional>
+#include <string>
 
 #include "server/app/daemon.h"
 #include "server/app/notify.h"
@@ -37,7 +39,14 @@ class Service {
   void run();
 
  private:
-  void reload();
+  // What came of it; throws nothing.
+  struct Outcome {
+    bool done;
+    std::string message;
+  };
+  Outcome reset();
+  Outcome reload();
+  void answer_commands();
   void look(std::int64_t now_ns);
   void test_hook(const siginfo_t& info);
   LoopCounts counts() const;

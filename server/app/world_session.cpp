@@ -49,12 +49,12 @@ WorldSession::Device::Device(const DeviceSettings& of, const std::string& name, 
 
 WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices,
                            const Participant& participant, const WorldSessionOptions& options)
-    : options_(options), world_(timed_world(scene, times_)) {
+    : options_(options) {
   for (std::size_t i = 0; i < devices.size(); ++i)
     devices_.emplace_back(devices[i], scene.instruments[i].name, participant, options,
                           devices_.empty() ? nullptr : &devices_.front().port);
-  simulation_.emplace(*world_, times_, scene.rate, instruments_, problems_, snapshots());
-  haptic_.emplace(world_->instruments(), loop_devices(), haptic_options(scene), problems_, instruments_,
+  now_ = simulated(scene);
+  haptic_.emplace(now_->world->instruments(), loop_devices(), haptic_options(scene), now_->problems, instruments_,
                   LoopTiming{.mode = options.mode});
   for (int i = 0; i < this->devices(); ++i) {
     Device& d = devices_[static_cast<std::size_t>(i)];
@@ -64,14 +64,62 @@ WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>
   }
   if (options.schedule) {
     schedule_.emplace(*options.schedule, scene, devices);
-    simulation_->record_into(schedule_->steps());
+    now_->loop->record_into(schedule_->steps());
     haptic_->record_into(schedule_->ticks());
   }
   if (options.capture) {
     haptic_->capture_into(captures_, options.capture_every);
-    devices_.front().diagnostics->write_captures(captures_, world_->instruments(), *options.capture);
+    devices_.front().diagnostics->write_captures(captures_, now_->world->instruments(), *options.capture);
   }
-  simulation_->warm_up();
+  now_->loop->warm_up();
+}
+
+WorldSession::Simulated::Simulated(const Scene& of, PartTimes& times)
+    : scene(&of), world(timed_world(of, times)) {}
+
+std::unique_ptr<WorldSession::Simulated> WorldSession::simulated(const Scene& scene) {
+  auto made = std::make_unique<Simulated>(scene, times_);
+  made->loop.emplace(*made->world, times_, scene.rate, instruments_, made->problems, snapshots());
+  return made;
+}
+
+void WorldSession::rest() noexcept {
+  constexpr std::int64_t longest_ns = 500'000'000, look_ns = 1'000'000;  // a Touch's maximum takes 17 ms
+  haptic_->withhold(true);
+  const std::int64_t until = monotonic_ns() + longest_ns;
+  while (!haptic_->at_zero() && monotonic_ns() < until) sleep_until(monotonic_ns() + look_ns);
+  now_->loop->stop();
+}
+
+void WorldSession::prepare(const Scene& scene, const std::vector<DeviceSettings>& devices) {
+  next_ = simulated(scene);
+  next_->loop->warm_up();
+  next_tick_ = std::make_unique<HapticTick>(next_->world->instruments(), devices, haptic_options(scene), next_->problems);
+}
+
+void WorldSession::commit() noexcept {
+  next_tick_ = haptic_->exchange(std::move(next_tick_));
+  std::swap(now_, next_);
+  next_tick_.reset();
+  next_.reset();
+  for (Device& d : devices_) d.diagnostics->show(*now_->scene);
+  start_simulation();
+  haptic_->withhold(false);
+}
+
+void WorldSession::abandon() noexcept {
+  next_tick_.reset();
+  next_.reset();
+  start_simulation();
+  haptic_->withhold(false);
+}
+
+void WorldSession::start_simulation() {
+  now_->loop->start([this] {
+    // With one core there is nothing to keep apart.
+    if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
+    prefault_heap(simulation_heap);
+  });
 }
 
 std::vector<LoopDevice> WorldSession::loop_devices() {
@@ -89,18 +137,14 @@ std::vector<Channel<SceneSnapshot>*> WorldSession::snapshots() {
 WorldSession::~WorldSession() {
   stop();
   haptic_.reset();
-  simulation_.reset();
+  now_.reset();
   while (!devices_.empty()) devices_.pop_back();  // the first port outlives those that ring its bell
 }
 
 std::vector<Grant> WorldSession::start_loops() {
   prefault_heap(sample_heap);
   if (schedule_) schedule_->start(options_.realtime_core);
-  simulation_->start([this] {
-    // With one core there is nothing to keep apart.
-    if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
-    prefault_heap(simulation_heap);
-  });
+  start_simulation();
   std::promise<std::vector<Grant>> granted;
   haptic_->start([&granted, core = options_.realtime_core] {
     name_thread("haptic");
@@ -124,7 +168,7 @@ void WorldSession::retune(int i, const DeviceTuning& tuning) noexcept {
 
 void WorldSession::stop() noexcept {
   haptic_->stop();
-  simulation_->stop();
+  now_->loop->stop();
   if (schedule_) schedule_->stop();
   for (Device& d : devices_) d.diagnostics->stop();
 }
@@ -132,7 +176,7 @@ void WorldSession::stop() noexcept {
 MetricsSource WorldSession::metrics(int i) const {
   constexpr auto relaxed = std::memory_order_relaxed;
   const LoopStatistics& h = haptic_->statistics(i);
-  const SimulationStatistics& s = simulation_->statistics();
+  const SimulationStatistics& s = now_->loop->statistics();
   MetricsSource m;
   m.device_id = device_id(i);
   m.instrument = device(i).instrument;
@@ -169,7 +213,7 @@ MetricsSource WorldSession::metrics(int i) const {
 nlohmann::json WorldSession::summary(int i) const {
   const Diagnostics& diagnostics = *device(i).diagnostics;
   nlohmann::json j = loop_summary(haptic_->statistics(i));
-  const SimulationStatistics& s = simulation_->statistics();
+  const SimulationStatistics& s = now_->loop->statistics();
   const HistogramSnapshot step = s.step.snapshot();
   j["device_id"] = device_id(i);
   if (devices() > 1) j["instrument"] = device(i).instrument;
@@ -197,7 +241,7 @@ nlohmann::json WorldSession::summary(int i) const {
     j["references_adopted"] = s.references.load();
     j["references_failed"] = s.references_failed.load();
     j["synchronous_references"] = s.synchronous_references.load();
-    j["reference_ms"] = milliseconds(simulation_->reference_time().snapshot());
+    j["reference_ms"] = milliseconds(now_->loop->reference_time().snapshot());
   }
   j["compliance_error_max"] = s.compliance_error.load();
   j["compliance_degraded_steps"] = s.rough_steps.load();
@@ -206,7 +250,7 @@ nlohmann::json WorldSession::summary(int i) const {
   j["sim_force_peak_n"] = s.force_peak.load();
   j["handover_jump_max_n"] = {{"at_reference", s.jump_at_reference.load()},
                               {"at_removal", s.jump_at_removal.load()}};
-  if (i == 0) j["operation"] = to_json(simulation_->operation());
+  if (i == 0) j["operation"] = to_json(now_->loop->operation());
   j["recording_dropped"] = recording_dropped(i);
   j["problems_captured"] = diagnostics.captured();
   j["recording_failed"] = diagnostics.recording_failed();

@@ -51,8 +51,18 @@ class WorldSession {
   // The haptic loop first: the devices feel zero.
   void stop() noexcept;
 
-  bool failed() const noexcept { return simulation_->failed(); }
-  const std::string& failure() const noexcept { return simulation_->failure(); }
+  bool failed() const noexcept { return now_->loop->failed(); }
+  const std::string& failure() const noexcept { return now_->loop->failure(); }
+  // Another world in place of this one, in four parts, by one thread alone. `rest` lets the devices' forces go to
+  // zero and ends the simulation; `prepare` makes the new world, and may throw; then either `commit` lets it go on,
+  // or `abandon` the old one. Clients, arming, limits, recordings and the haptic thread stay; forces rise in 100 ms
+  // with the first problem. Pre: no schedule and no capture is written; as many devices with the same ids.
+  void rest() noexcept;
+  void prepare(const Scene& scene, const std::vector<DeviceSettings>& devices);
+  void commit() noexcept;
+  void abandon() noexcept;
+  bool may_restart() const noexcept { return !options_.schedule && !options_.capture; }
+
   // New limits and scales of a device for the haptic thread, which goes over to them within a second. One
   // thread alone.
   void retune(int device, const DeviceTuning& tuning) noexcept;
@@ -60,10 +70,10 @@ class WorldSession {
   int devices() const noexcept { return static_cast<int>(devices_.size()); }
   std::uint32_t device_id(int i) const noexcept { return device(i).settings.id; }
   const LoopStatistics& haptic_statistics(int i) const noexcept { return haptic_->statistics(i); }
-  const SimulationStatistics& simulation_statistics() const noexcept { return simulation_->statistics(); }
+  const SimulationStatistics& simulation_statistics() const noexcept { return now_->loop->statistics(); }
   std::uint64_t recording_dropped(int i) const noexcept { return device(i).history.dropped(); }
   MetricsSource metrics(int device) const;
-  SimulationLoop& simulation() noexcept { return *simulation_; }  // for its test hooks
+  SimulationLoop& simulation() noexcept { return *now_->loop; }  // for its test hooks
   // A device's figures, and those of the world.
   nlohmann::json summary(int device) const;
 
@@ -81,19 +91,30 @@ class WorldSession {
     std::optional<Diagnostics> diagnostics;
   };
 
+  // What goes when another world comes.
+  struct Simulated {
+    Simulated(const Scene& scene, PartTimes& times);
+    const Scene* scene;
+    std::unique_ptr<World> world;
+    Channel<CondensedProblem> problems;
+    std::optional<SimulationLoop> loop;
+  };
+
+  std::unique_ptr<Simulated> simulated(const Scene& scene);
+  void start_simulation();
+
   const Device& device(int i) const noexcept { return devices_[static_cast<std::size_t>(i)]; }
   std::vector<LoopDevice> loop_devices();
   std::vector<Channel<SceneSnapshot>*> snapshots();
 
   const WorldSessionOptions options_;
   PartTimes times_{monotonic_ns};  // of the simulation's step
-  std::unique_ptr<World> world_;
   std::deque<Device> devices_;
-  Channel<CondensedProblem> problems_;
   Channel<InstrumentInputs> instruments_;
   Channel<ContactCapture> captures_;
   std::optional<ScheduleRecorder> schedule_;
-  std::optional<SimulationLoop> simulation_;
+  std::unique_ptr<Simulated> now_, next_;
+  std::unique_ptr<HapticTick> next_tick_;
   std::optional<HapticLoop> haptic_;
 };
 

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "server/files/paths.h"
+#include "server/mesh/foreign_format.h"
 #include "server/mesh/mesh_reader_raw.h"
 
 namespace hapticd {
@@ -135,7 +136,7 @@ TetMesh finish_mesh(const RawMesh& raw) {
 RawMesh read_raw_mesh(const std::string& bytes, const std::filesystem::path& file) {
   if (bytes.starts_with("# vtk DataFile")) return read_vtk(bytes, file);
   if (bytes.find("$MeshFormat") < 4096) return read_gmsh(bytes, file);
-  throw InputError(file, 1, "", "neither a Gmsh mesh ($MeshFormat) nor a legacy VTK file (# vtk DataFile)");
+  throw InputError(file, 1, "", foreign_advice(foreign_format(bytes, file)));
 }
 
 TetMesh read_mesh(const std::string& bytes, const std::filesystem::path& file) {

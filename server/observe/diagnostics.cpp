@@ -112,7 +112,7 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
                          Channel<SceneSnapshot>& snapshots, SpscQueue<ForceRecord>& history,
                          const std::optional<std::filesystem::path>& record,
                          const std::optional<DiagnosticsScope>& scope)
-    : scene_(scene),
+    : scene_(&scene),
       statistics_(statistics),
       snapshots_(snapshots),
       history_(history),
@@ -179,6 +179,7 @@ void Diagnostics::run() noexcept {
   publish_scene();
   for (std::uint64_t n = 0; !stopping_.load(relaxed); ++n) {
     drain();
+    show_next();
     if (scope_.shows_scene) write_dds_log(monotonic_ns());
     write_capture_if_new();
     snapshots_.acquire();
@@ -222,7 +223,7 @@ void Diagnostics::write_line(const ForceRecord& record) noexcept {
 
 void Diagnostics::publish_geometry(std::size_t b, std::vector<float>& rest, std::vector<std::uint32_t>& tets,
                                    std::vector<std::uint32_t>& opened) {
-  const SceneBody& body = scene_.bodies[b];
+  const SceneBody& body = scene_->bodies[b];
   hapticd_msg_SceneGeometry m{};
   m.body = static_cast<std::uint32_t>(b);
   m.name = const_cast<char*>(body.name.c_str());
@@ -233,25 +234,42 @@ void Diagnostics::publish_geometry(std::size_t b, std::vector<float>& rest, std:
   geometry_.write(m);
 }
 
+// Bodies that the next scene does not have are no more.
+void Diagnostics::show_next() {
+  const Scene* next = next_scene_.exchange(nullptr, std::memory_order_acquire);
+  if (!next) return;
+  for (std::size_t b = next->bodies.size(); scope_.shows_scene && b < scene_->bodies.size(); ++b) {
+    hapticd_msg_SceneGeometry geometry{};
+    hapticd_msg_SceneUpdate update{};
+    geometry.body = update.body = static_cast<std::uint32_t>(b);
+    geometry_.dispose(geometry);
+    update_.dispose(update);
+  }
+  scene_ = next;
+  updated_step_ = 0;
+  health_.show(*next);
+  publish_scene();
+}
+
 void Diagnostics::publish_scene() {
   if (!scope_.shows_scene) return;
-  published_topology_.assign(scene_.bodies.size(), 0);
-  for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
-    const TetMesh& mesh = scene_.bodies[b].mesh;
+  published_topology_.assign(scene_->bodies.size(), 0);
+  for (std::size_t b = 0; b < scene_->bodies.size(); ++b) {
+    const TetMesh& mesh = scene_->bodies[b].mesh;
     std::vector<float> nodes = flat(mesh.nodes);
     std::vector<std::uint32_t> tets, opened;
     tets.reserve(4 * mesh.tets.size());
     for (const Tet& t : mesh.tets) tets.insert(tets.end(), t.begin(), t.end());
     publish_geometry(b, nodes, tets, opened);
   }
-  for (std::size_t i = 0; i < scene_.instruments.size(); ++i) {
-    std::vector<float> shape = instrument_shape(scene_.instruments[i].shape);
+  for (std::size_t i = 0; i < scene_->instruments.size(); ++i) {
+    std::vector<float> shape = instrument_shape(scene_->instruments[i].shape);
     hapticd_msg_SceneInstrument m{};
     m.instrument = static_cast<std::uint32_t>(i);
     m.primitives = borrowed<decltype(m.primitives)>(shape);
-    m.name = const_cast<char*>(scene_.instruments[i].name.c_str());
-    m.device_id = scene_.instruments[i].device.id;
-    m.instruments = static_cast<std::uint32_t>(scene_.instruments.size());
+    m.name = const_cast<char*>(scene_->instruments[i].name.c_str());
+    m.device_id = scene_->instruments[i].device.id;
+    m.instruments = static_cast<std::uint32_t>(scene_->instruments.size());
     instrument_writer_.write(m);
   }
 }
@@ -267,7 +285,7 @@ void Diagnostics::publish_update() {
   }
   const std::int64_t now = monotonic_ns();
   const bool geometry_is_due = now - geometry_ns_ >= geometry_every_ns;
-  for (std::size_t i = 0; i < snapshot.bodies.size(); ++i) {
+  for (std::size_t i = 0; i < std::min(snapshot.bodies.size(), published_topology_.size()); ++i) {
     const BodySnapshot& body = snapshot.bodies[i];
     if (body.nodes.empty()) continue;
     // After a cut: the new mesh first, and until it is due no places that the old one does not have.
@@ -314,7 +332,7 @@ void Diagnostics::publish_status() {
   m.status = statistics_.status.load(relaxed);
   m.rejected_states = static_cast<std::uint32_t>(statistics_.refused.load(relaxed));
   m.conflicts = static_cast<std::uint32_t>(statistics_.conflicts.load(relaxed));
-  m.scene = const_cast<char*>(scene_.name.c_str());
+  m.scene = const_cast<char*>(scene_->name.c_str());
   m.refused = const_cast<char*>(refused_.c_str());
   status_.write(m);
   if (health_.heard())

@@ -86,6 +86,9 @@ class Diagnostics {
   // grants: what the operating system refused is part of every status. realtime_core: the thread keeps off
   // it.
   void start(const std::vector<Grant>& grants = {}, std::optional<int> realtime_core = {});
+  // Another scene, or the same from its start: shown from the thread's next turn on. Any thread; the scene before
+  // must live on until then, and for a second.
+  void show(const Scene& scene) noexcept { next_scene_.store(&scene, std::memory_order_release); }
   // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
   void stop() noexcept;
 
@@ -106,13 +109,15 @@ class Diagnostics {
   void drain();
   void write_line(const ForceRecord& record) noexcept;
   void publish_scene();
+  void show_next();
   void publish_geometry(std::size_t body, std::vector<float>& rest, std::vector<std::uint32_t>& tets,
                         std::vector<std::uint32_t>& opened);
   void publish_status();
   void publish_update();
   void write_capture_if_new() noexcept;
 
-  const Scene& scene_;
+  const Scene* scene_;
+  std::atomic<const Scene*> next_scene_{nullptr};
   const LoopStatistics& statistics_;
   Channel<SceneSnapshot>& snapshots_;
   SpscQueue<ForceRecord>& history_;

@@ -63,10 +63,18 @@ std::vector<float> ForceBlocks::newest() const {
 }
 
 HealthPublisher::HealthPublisher(const Participant& participant, const Scene& scene, std::uint32_t device_id)
-    : scene_(scene),
+    : scene_(&scene),
+      device_id_(device_id),
       device_(device_of(scene, device_id)),
       name_(name_of(scene, device_id)),
       writer_(participant) {}
+
+void HealthPublisher::show(const Scene& scene) {
+  scene_ = &scene;
+  device_ = device_of(scene, device_id_);
+  name_ = name_of(scene, device_id_);
+  last_ = {};
+}
 
 void HealthPublisher::note(const ForceRecord& record) {
   force_.note(record.force.force);
@@ -79,8 +87,8 @@ void HealthPublisher::publish(const HistogramSnapshot& wake, const HistogramSnap
   std::vector<float> force = force_.newest();
   std::vector<std::uint32_t> wakes = health_counts(wake), solves = health_counts(solve);
   std::vector<hapticd_msg_BodyHealth> bodies;
-  for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
-    if (scene_.bodies[b].kind != BodyKind::deformable || !scene_.bodies[b].simulated) continue;
+  for (std::size_t b = 0; b < scene_->bodies.size(); ++b) {
+    if (scene_->bodies[b].kind != BodyKind::deformable || !scene_->bodies[b].simulated) continue;
     hapticd_msg_BodyHealth& out = bodies.emplace_back();
     out = {};
     out.body = static_cast<std::uint32_t>(b);
@@ -96,7 +104,7 @@ void HealthPublisher::publish(const HistogramSnapshot& wake, const HistogramSnap
   hapticd_msg_ServerHealth m{};
   m.device_id = device_.id;
   m.device = name_.data();
-  std::string method(compliance_name(scene_.compliance));
+  std::string method(compliance_name(scene_->compliance));
   m.compliance = method.data();
   m.blocks = force_.count();
   m.force = borrowed<decltype(m.force)>(force);
@@ -109,7 +117,7 @@ void HealthPublisher::publish(const HistogramSnapshot& wake, const HistogramSnap
       m.step_part_ms[p] = static_cast<float>(1e-6 * static_cast<double>(step.part_ns[p] - last_.part_ns[p]) /
                                              static_cast<double>(step.step - last_.step));
   last_ = step;
-  m.step_period_ms = static_cast<float>(1e3 / scene_.rate);
+  m.step_period_ms = static_cast<float>(1e3 / scene_->rate);
   m.bodies = borrowed<decltype(m.bodies)>(bodies);
   m.max_force = static_cast<float>(device_.max_force);
   m.max_speed = static_cast<float>(device_.max_speed);

@@ -57,12 +57,14 @@ class HealthPublisher {
   // Everything referred to must outlive it. The device is the one of that id.
   HealthPublisher(const Participant& participant, const Scene& scene, std::uint32_t device_id);
 
+  void show(const Scene& scene);  // from here on
   void note(const ForceRecord& record);
   void publish(const HistogramSnapshot& wake, const HistogramSnapshot& solve, const StepHealth& step);
   bool heard() const noexcept { return writer_.matched() > 0; }
 
  private:
-  const Scene& scene_;
+  const Scene* scene_;
+  const std::uint32_t device_id_;
   DeviceSettings device_;
   std::string name_;
   ForceBlocks force_;

@@ -51,6 +51,7 @@ std::vector<Incident> Incidents::look(std::int64_t now_ns, const LoopCounters& c
   for (std::size_t i = 0; i < watched.size(); ++i) {
     Kind& kind = d.kinds[i];
     const std::uint64_t now = counters.*watched[i].count;
+    if (now < kind.said) kind.said = 0;  // another simulation counts anew
     if (now <= kind.said || (kind.ever && now_ns - kind.said_ns < seldom_ns)) continue;
     const std::uint64_t more = now - kind.said;
     say(LogLevel::warning, watched[i].event, std::to_string(more) + " " + watched[i].what);

@@ -13,6 +13,7 @@
 #include "physics/tissue/surface.h"
 #include "server/plan/model_trial.h"
 #include "server/scene/scene_bodies.h"
+#include "server/scene/plausibility.h"
 #include "server/scene/scene_describe.h"
 
 namespace hapticd {
@@ -52,6 +53,8 @@ std::size_t largest_body(const Scene& scene) {
 // Largest n·C n over surface nodes, of the elastic body alone at rest [m/N].
 double softest_node(const SceneBody& body) {
   TissueModel model = make_tissue_model(body.mesh, body.material, body.fixed_nodes, Vec3::Zero());
+  for (const TissueRegion& region : body.regions) set_region(model, region);
+  set_springs(model, body.springs);
   model.dynamic = false;
   const auto compliance = make_exact_compliance(model, 1);
   compliance->update(rest_state(model));
@@ -165,6 +168,7 @@ class Planner {
     // Where the whole model misses the accuracy, nothing says that what looks no worse is.
     allowed_ = error_ <= scene().accuracy ? std::max(kept_back * scene().accuracy, no_better * error_) : 0;
     whole_error_ = error_;
+    plan_.felt = felt_along(stroke_, reference_, every_ms_);
     touches_ = std::any_of(reference_.force.begin(), reference_.force.end(),
                            [](const Vec3& f) { return f.squaredNorm() > 0; });
     // An error of nothing would allow everything.
@@ -319,6 +323,8 @@ std::string describe(const Plan& plan) {
     out += format("           %-22s %-14s %7.2f ms %8.2g  ", line.term.c_str(), line.choice.c_str(),
                   line.cost_ms, line.error_estimate) +
            line.reason + '\n';
+  out += describe(plan.felt, plan.scene.first());
+  for (const std::string& doubt : doubts(plan.scene)) out += "doubt      " + doubt + '\n';
   return out;
 }
 
@@ -334,6 +340,8 @@ nlohmann::ordered_json to_json(const Plan& plan) {
   json["cost_ms"] = plan.cost_ms;
   json["error_estimate"] = plan.error_estimate;
   json["seconds"] = plan.seconds;
+  json["felt"] = {{"peak_n", plan.felt.peak}, {"stiffness_n_per_m", plan.felt.stiffness}};  // in the scene
+  json["doubts"] = doubts(plan.scene);
   json["plan"] = nlohmann::ordered_json::array();
   for (const PlanLine& line : plan.lines)
     json["plan"].push_back({{"term", line.term},

@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "server/plan/felt.h"
 #include "server/scene/scene.h"
 
 namespace hapticd {
@@ -45,6 +46,7 @@ struct Plan {
   bool met = true;      // accuracy
   bool on_time = true;  // rate
   double seconds = 0;   // it took
+  Felt felt;            // of the stroke, by the whole model
 };
 
 struct PlanOptions {

@@ -19,6 +19,7 @@
 #include "physics/simulation/step/removal.h"
 #include "physics/tissue/material.h"
 #include "physics/tissue/mesh.h"
+#include "physics/tissue/tissue_parts.h"
 
 namespace hapticd {
 
@@ -30,7 +31,9 @@ struct SceneBody {
   std::filesystem::path mesh_file;
   TetMesh mesh;
   Material material;             // deformable only
-  std::vector<int> fixed_nodes;  // deformable only; empty: it floats
+  std::vector<int> fixed_nodes;  // deformable only; empty: it floats, or springs hold it
+  std::vector<TissueRegion> regions = {};  // deformable only; what differs from the material
+  std::vector<NodeSpring> springs = {};    // deformable only; per node, or empty
   double friction = 0;           // μ against the instrument
   bool removable = false;        // the tip may destroy it
   double toughness = 0;          // J [J/m²]: a blade's edge cuts it; 0: none does

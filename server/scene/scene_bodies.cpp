@@ -6,17 +6,11 @@
 #include "physics/tissue/mesh_quality.h"
 #include "server/files/paths.h"
 #include "server/mesh/mesh_reader.h"
+#include "server/scene/scene_parts.h"
 
 namespace hapticd {
 namespace {
 
-constexpr NumberRange young{1, 1e12, false, false,
-                            "Young's modulus in pascals; soft tissue has kilopascals: 3e3"};
-constexpr NumberRange poisson{-1, 0.5, true, true, "Poisson's ratio; 0.5 would be incompressible"};
-constexpr NumberRange poisson_cap{0, 0.5, true, true, "Poisson's ratio that linear tetrahedra bear: 0.45"};
-constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; tissue has about 1000"};
-constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
-constexpr NumberRange rayleigh_stiffness{0, 10, false, false, "beta of B = alpha M + beta K, in seconds"};
 constexpr NumberRange toughness{0, 1e6, true, false, "joules per square metre; soft tissue has 10 to 2000"};
 constexpr NumberRange cutting_viscosity{0, 1e6, false, false,
                                         "newton seconds per square metre; 0: the speed does not matter"};
@@ -26,12 +20,6 @@ constexpr NumberRange friction{0, 10, false, false, "Coulomb's coefficient; 0: f
 constexpr NumberRange length{0, 2, true, false, "metres"};
 constexpr NumberRange radius{0, 0.2, true, false, "metres; a phaco tip has 5e-4"};
 
-std::vector<std::string> names_of(const std::vector<MeshGroup>& groups) {
-  std::vector<std::string> names;
-  for (const MeshGroup& g : groups) names.push_back(g.name);
-  return names;
-}
-
 TetMesh read_body_mesh(const YamlMap& yaml, const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) throw yaml.error("mesh", "no such file: " + file.string());
   TetMesh mesh = read_mesh_file(file);
@@ -40,47 +28,31 @@ TetMesh read_body_mesh(const YamlMap& yaml, const std::filesystem::path& file) {
   return mesh;
 }
 
-Material read_material(const YamlMap& yaml) {
-  yaml.only({"young", "poisson", "density", "poisson_cap", "rayleigh", "law"});
-  Material material;
-  material.young = yaml.number("young", young);
-  material.poisson = yaml.number("poisson", poisson);
-  material.density = yaml.number("density", density);
-  if (yaml.has("poisson_cap")) material = lowered(material, yaml.number("poisson_cap", poisson_cap));
-  if (yaml.has("law")) material.law = static_cast<Law>(yaml.choice("law", {"corotational", "guarded"}));
-  if (yaml.has("rayleigh")) {
-    const YamlMap rayleigh = yaml.map("rayleigh");
-    rayleigh.only({"mass", "stiffness"});
-    material.rayleigh_mass = rayleigh.number("mass", rayleigh_mass, 0);
-    material.rayleigh_stiffness = rayleigh.number("stiffness", rayleigh_stiffness, 0);
-  }
-  return material;
-}
-
 std::vector<int> read_fixed_nodes(const YamlMap& yaml, const TetMesh& mesh) {
   std::vector<int> fixed;
+  if (!yaml.has("fixed")) return fixed;
   for (const std::string& name : yaml.texts("fixed")) {
-    const MeshGroup* group = mesh.group(name);
-    if (!group) {
-      const std::string hint = did_you_mean(name, names_of(mesh.groups));
-      throw yaml.error(
-          "fixed", "the mesh has no group '" + name + "' (" + (hint.empty() ? "" : hint + " ") +
-                       "its groups: " + (mesh.groups.empty() ? "none" : listed(names_of(mesh.groups))) + ")");
-    }
-    fixed.insert(fixed.end(), group->nodes.begin(), group->nodes.end());
+    const MeshGroup& group = named_group(yaml, "fixed", name, mesh);
+    fixed.insert(fixed.end(), group.nodes.begin(), group.nodes.end());
   }
   std::sort(fixed.begin(), fixed.end());
   fixed.erase(std::unique(fixed.begin(), fixed.end()), fixed.end());
+  return fixed;
+}
 
-  const std::vector<int> piece = pieces_of(mesh);
-  std::vector<bool> held(mesh.nodes.size());
-  for (int n : fixed) held[piece[n]] = true;
+// Each piece of the mesh has a node that is fixed or on a spring.
+void require_held(const YamlMap& yaml, const SceneBody& body) {
+  const std::vector<int> piece = pieces_of(body.mesh);
+  std::vector<bool> held(piece.size());
+  for (const int n : body.fixed_nodes) held[piece[n]] = true;
+  for (std::size_t n = 0; n < body.springs.size(); ++n)
+    if (body.springs[n].stiffness > 0) held[piece[n]] = true;
   for (std::size_t n = 0; n < piece.size(); ++n)
     if (!held[piece[n]])
-      throw yaml.error("fixed", "part of the mesh is held by no fixed node: the piece with node " +
-                                    std::to_string(n + 1) + " of " + std::to_string(piece.size()) +
-                                    " (fix some of it, or say floating: true instead)");
-  return fixed;
+      throw yaml.error(yaml.has("fixed") ? "fixed" : "springs",
+                       "part of the mesh is held by no fixed node and no spring: the piece with node " +
+                           std::to_string(n + 1) + " of " + std::to_string(piece.size()) +
+                           " (fix some of it, or say floating: true instead)");
 }
 
 Pose read_placement(const YamlMap& yaml) {
@@ -146,8 +118,8 @@ void read_body_pins(const YamlMap& yaml, SceneBody& body) {
   body.simulated = yaml.flag("simulated", true);
   if (!body.dynamic && !may_be_static(body))
     throw yaml.error("motion",
-                     "static needs a body that is held and cannot be cut: a loose piece has nothing but "
-                     "its mass");
+                     "static needs a body that is held, cannot be cut, is not stretched and has no springs: a loose "
+                     "piece has nothing but its mass");
 }
 
 // What can be cut needs room for what cuts add; what tears, how far around a front to look.
@@ -163,10 +135,32 @@ void read_toughness(const YamlMap& yaml, SceneBody& body) {
   body.tearing.most = static_cast<int>(tearing.number("faces_per_step", faces_per_step, body.tearing.most));
 }
 
+void read_parts(const YamlMap& yaml, SceneBody& body) {
+  body.regions = read_regions(yaml, body.mesh, body.material);
+  if (is_stretched(body) && body.toughness > 0)
+    throw yaml.error("toughness", "tissue that stands stretched cannot be cut by a blade (removable it may be)");
+  body.springs = read_springs(yaml, body.mesh);
+}
+
+void read_support(const YamlMap& yaml, SceneBody& body) {
+  const bool floating = yaml.flag("floating", false);
+  for (const char* key : {"fixed", "springs"})
+    if (floating && yaml.has(key))
+      throw yaml.error("floating", std::string("cannot stand beside ") + key);
+  if (floating) return;
+  if (!yaml.has("fixed") && body.springs.empty())
+    throw yaml.error("fixed",
+                     "is missing: nothing holds this body (name a group of its mesh: " +
+                         (body.mesh.groups.empty() ? "it has none" : listed(group_names(body.mesh))) +
+                         "; or give it springs; or say floating: true)");
+  body.fixed_nodes = read_fixed_nodes(yaml, body.mesh);
+  require_held(yaml, body);
+}
+
 SceneBody read_body(const YamlMap& yaml) {
   yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
-             "toughness", "cutting_viscosity", "max_new_nodes", "tearing", "elements", "motion",
-             "simulated"});
+             "toughness", "cutting_viscosity", "max_new_nodes", "tearing", "elements", "motion", "simulated",
+             "position", "orientation", "scale", "regions", "stretch", "springs"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
@@ -174,7 +168,8 @@ SceneBody read_body(const YamlMap& yaml) {
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
     for (const char* key : {"material", "fixed", "floating", "removable", "toughness", "cutting_viscosity",
-                            "max_new_nodes", "tearing", "elements", "motion", "simulated"})
+                            "max_new_nodes", "tearing", "elements", "motion", "simulated", "regions",
+                            "stretch", "springs"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
@@ -185,16 +180,11 @@ SceneBody read_body(const YamlMap& yaml) {
     if (yaml.has("toughness")) read_toughness(yaml, body);
   }
   body.mesh = read_body_mesh(yaml, body.mesh_file);
+  place(yaml, body.mesh);
   if (body.kind == BodyKind::rigid) return body;
 
-  const bool floating = yaml.flag("floating", false);
-  if (floating && yaml.has("fixed")) throw yaml.error("floating", "cannot stand beside fixed");
-  if (!floating && !yaml.has("fixed"))
-    throw yaml.error("fixed",
-                     "is missing: nothing holds this body (name a group of its mesh: " +
-                         (body.mesh.groups.empty() ? "it has none" : listed(names_of(body.mesh.groups))) +
-                         "; or say floating: true)");
-  if (!floating) body.fixed_nodes = read_fixed_nodes(yaml, body.mesh);
+  read_parts(yaml, body);
+  read_support(yaml, body);
   read_body_pins(yaml, body);
   return body;
 }

@@ -35,6 +35,20 @@ double mean_edge(const TetMesh& mesh) {
   return sum / (6.0 * static_cast<double>(mesh.tets.size()));
 }
 
+void describe_parts(std::string& out, const SceneBody& body) {
+  for (const TissueRegion& r : body.regions)
+    line(out, "           region of %zu tetrahedra: E %.4g Pa, nu %.3g, density %.4g kg/m3, stretch %.3g %.3g %.3g",
+         r.tets.size(), r.material.young, r.material.poisson, r.material.density, r.stretch.x(), r.stretch.y(),
+         r.stretch.z());
+  double stiffness = 0;
+  int nodes = 0;
+  for (const NodeSpring& spring : body.springs) {
+    stiffness += spring.stiffness;
+    nodes += spring.stiffness > 0;
+  }
+  if (nodes > 0) line(out, "           springs on %d nodes, %.4g N/m together", nodes, stiffness);
+}
+
 void describe_body(std::string& out, const SceneBody& body) {
   line(out, "body       %s: %s, %zu nodes, %zu tetrahedra, mean edge %.2f mm", body.name.c_str(),
        body.kind == BodyKind::rigid ? "rigid obstacle"
@@ -48,9 +62,10 @@ void describe_body(std::string& out, const SceneBody& body) {
          m.young, m.poisson, m.density, m.rayleigh_mass, m.rayleigh_stiffness);
     if (m.law == Law::guarded)
       line(out, "           guarded: elements that lose their volume are pushed back");
-    if (body.fixed_nodes.empty())
+    describe_parts(out, body);
+    if (body.fixed_nodes.empty() && body.springs.empty())
       line(out, "           floating");
-    else
+    else if (!body.fixed_nodes.empty())
       line(out, "           %zu fixed nodes", body.fixed_nodes.size());
   }
   if (body.friction > 0) line(out, "           friction %.3g", body.friction);

@@ -64,7 +64,9 @@ std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& setti
                       {b.max_new_nodes, tets_per_new_node * b.max_new_nodes},
                       b.toughness,
                       b.tearing,
-                      b.cutting_viscosity});
+                      b.cutting_viscosity,
+                      b.regions,
+                      b.springs});
   return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
 }
 

@@ -66,6 +66,15 @@ std::uint64_t fingerprint(const Scene& s) {
       f.add(x);
     f.add(b.material.law);
     for (const int n : b.fixed_nodes) f.add(n);
+    for (const TissueRegion& r : b.regions) {
+      for (const double x : {r.material.young, r.material.poisson, r.material.density}) f.add(x);
+      f.add(r.stretch);
+      for (const int t : r.tets) f.add(t);
+    }
+    for (const NodeSpring& spring : b.springs) {
+      f.add(spring.stiffness);
+      f.add(spring.anchor);
+    }
     for (const bool flag : {b.removable, b.corotational, b.dynamic, b.simulated}) f.add(flag);
   }
   for (const ContactPair& p : s.contacts) {

@@ -87,6 +87,7 @@ const std::map<std::string, std::vector<std::string>> rooms = {
     {"tools/device", {"cli", "driver"}},
     {"tools/chart", {"cli"}},
     {"tools/doctor", {"cli", "client", "record"}},
+    {"tools/control", {"cli"}},
     {"tools/mesh", {"cli"}},
     {"tools/offline", {"cli"}},
     {"tools/record", {"cli"}},

@@ -29,6 +29,8 @@ Command add_replay(CLI::App& application);
 Command add_hand(CLI::App& application);
 Command add_chart(CLI::App& application);
 Command add_mesh(CLI::App& application);
+Command add_reset(CLI::App& application);
+Command add_reload(CLI::App& application);
 Command add_record(CLI::App& application);
 Command add_soak(CLI::App& application);
 Command add_abuse(CLI::App& application);

@@ -23,7 +23,8 @@ int main(int argc, char** argv) {
   const Command commands[] = {add_replay(application), add_hand(application),   add_chart(application),
                               add_soak(application),   add_abuse(application),  add_mesh(application),
                               add_doctor(application), add_record(application), add_stability(application),
-                              add_view(application),   add_device(application)};
+                              add_view(application),   add_device(application), add_reset(application),
+                              add_reload(application)};
   application.add_flag_callback(
       "--open-network", open_network,
       "before the command: use an interface that the DDS profile names without --secure; "

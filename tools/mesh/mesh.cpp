@@ -5,15 +5,16 @@
 #include <tuple>
 
 #include "physics/tissue/mesh_quality.h"
-#include "physics/tissue/surface.h"
 #include "server/files/paths.h"
 #include "server/mesh/mesh_repair.h"
 #include "server/mesh/mesh_writer.h"
 #include "server/os/realtime.h"
 #include "server/plan/model_trial.h"
+#include "server/scene/plausibility.h"
 #include "server/scene/scene_reader.h"
 #include "tools/cli/command.h"
 #include "tools/cli/report.h"
+#include "tools/mesh/foreign_mesh.h"
 #include "tools/mesh/mesh_scene.h"
 
 namespace hapticd {
@@ -23,27 +24,9 @@ struct MeshOptions {
   std::string file, fix, scene, json;
   bool force = false;
   std::string unit = "m";
+  double edge = 0;
   bool keep_duplicates = false, blade = false;
 };
-
-// A zone reaches 1.6 alarm distances about the tip (simulation/world.cpp), where that touches the surface.
-std::vector<int> zone_sizes(const TetMesh& mesh, double tip_radius, double alarm_distance) {
-  constexpr std::size_t places = 64;
-  const double reach = tip_radius + 1.6 * alarm_distance;
-  const BoundarySurface surface(mesh);
-  std::vector<int> sizes;
-  const std::size_t every = std::max<std::size_t>(1, surface.faces().size() / places);
-  for (std::size_t f = 0; f < surface.faces().size(); f += every) {
-    const Triangle& t = surface.faces()[f].nodes;
-    const Vec3 &a = mesh.nodes[t[0]], &b = mesh.nodes[t[1]], &c = mesh.nodes[t[2]];
-    const Vec3 tip = (a + b + c) / 3 + tip_radius * (b - a).cross(c - a).stableNormalized();
-    int size = 0;
-    for (const Vec3& x : mesh.nodes) size += (x - tip).norm() < reach;
-    sizes.push_back(size);
-  }
-  std::sort(sizes.begin(), sizes.end());
-  return sizes;
-}
 
 std::string joined(const std::string& a, const std::string& b) { return a.empty() ? b : a + ", " + b; }
 
@@ -208,13 +191,17 @@ void check_outputs(const MeshOptions& o) {
 int run(const MeshOptions& o) {
   check_outputs(o);
   if (!std::filesystem::is_regular_file(o.file)) throw InputError(o.file, 0, "", "no such file");
-  RepairedMesh repaired = repair_mesh(read_raw_mesh(read_bytes(o.file), o.file), !o.keep_duplicates);
+  const ScratchFolder scratch;
+  ForeignMesh read = read_any_mesh(o.file, {o.edge, scratch.path});
+  for (const std::string& command : read.commands) std::printf("made by   %s\n", command.c_str());
+  const bool foreign = !read.commands.empty();
+  RepairedMesh repaired = repair_mesh(std::move(read.mesh), !o.keep_duplicates);
   TetMesh& mesh = repaired.mesh;
   if (o.unit == "mm")
     for (Vec3& x : mesh.nodes) x *= 1e-3;
   const MeshQuality quality = measure_mesh(mesh);
   const SceneDefaults defaults = scene_defaults(mesh, quality, o.blade);
-  const std::vector<int> zones = zone_sizes(mesh, defaults.tip_radius, defaults.alarm_distance);
+  const std::vector<int> zones = nodes_in_reach(mesh, defaults.tip_radius, defaults.alarm_distance);
   print_quality(mesh, quality, repaired.faults, zones);
   nlohmann::ordered_json json = to_json(mesh, quality, repaired.faults, zones);
   std::printf("\n");
@@ -233,10 +220,12 @@ int run(const MeshOptions& o) {
     const std::string mesh_file = write_scene(mesh, defaults, o.scene);
     std::printf("\nwritten: %s and %s\n", o.scene.c_str(), mesh_file.c_str());
     for (const std::string& reason : defaults.reasons) std::printf("  %s\n", reason.c_str());
-    json["scene"] = {{"file", o.scene}, {"mesh", mesh_file}, {"reasons", defaults.reasons}};
+    const std::vector<std::string> doubted = doubts(read_scene(o.scene));
+    for (const std::string& doubt : doubted) std::printf("  doubt: %s\n", doubt.c_str());
+    json["scene"] = {{"file", o.scene}, {"mesh", mesh_file}, {"reasons", defaults.reasons}, {"doubts", doubted}};
   }
   if (!o.json.empty()) write_json(o.json, json);
-  if (!o.fix.empty() || !o.scene.empty() || !repaired.faults.refused()) return 0;
+  if (!o.fix.empty() || !o.scene.empty() || !(foreign || repaired.faults.refused())) return 0;
   std::printf("\nhapticd refuses this file as it stands: --fix OUT.msh writes one that it takes\n");
   return 1;
 }
@@ -246,8 +235,14 @@ int run(const MeshOptions& o) {
 Command add_mesh(CLI::App& application) {
   auto options = std::make_shared<MeshOptions>();
   CLI::App* app =
-      application.add_subcommand("mesh", "Inspects a tetrahedral mesh, repairs it, makes it a scene.");
-  app->add_option("FILE", options->file, "Gmsh 2.2 or 4.1, or legacy VTK")->required();
+      application.add_subcommand("mesh", "Inspects a mesh, repairs it, makes it or a closed surface a scene.");
+  app->add_option("FILE", options->file,
+                  "Gmsh 2.2 or 4.1, legacy VTK; by other programs: surfaces (STL, OBJ, PLY, OFF, VTK), VTU, XDMF, XML, "
+                  "Medit, Abaqus, other Gmsh")
+      ->required();
+  app->add_option("--edge", options->edge,
+                  "of a surface: edge of the tetrahedra that fill it, in the file's unit; 0: a 20th of its diagonal")
+      ->check(CLI::NonNegativeNumber);
   app->add_option("--unit", options->unit, "the file's unit; what is written is in metres")
       ->check(CLI::IsMember({"m", "mm"}))
       ->capture_default_str();
@@ -261,7 +256,9 @@ Command add_mesh(CLI::App& application) {
   app->add_option("--json", options->json, "figures to this file");
   add_force_option(*app, options->force);
   app->footer(
-      "Example: haptic mesh liver.vtk --unit mm --fix liver.msh --scene liver.yaml\n"
+      "Example: haptic mesh liver.stl --unit mm --scene liver.yaml\n"
+      "Surfaces are filled by gmsh (apt install gmsh) or tetgen, other formats converted by meshio (apt install\n"
+      "meshio-tools).\n"
       "Exit code 1: hapticd refuses the file as it stands, and nothing was written instead.");
   return {app, [options] { return run(*options); }};
 }

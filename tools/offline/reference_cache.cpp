@@ -113,6 +113,15 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
          {b.material.young, b.material.poisson, b.material.density, b.material.rayleigh_mass,
           b.material.rayleigh_stiffness, b.friction, b.toughness, b.tearing.toughness, b.tearing.radius})
       hash.number(x);
+    for (const TissueRegion& r : b.regions) {
+      for (const double x : {r.material.young, r.material.poisson, r.material.density}) hash.number(x);
+      hash.vector(r.stretch);
+      hash.bytes(r.tets.data(), r.tets.size() * sizeof(int));
+    }
+    for (const NodeSpring& spring : b.springs) {
+      hash.number(spring.stiffness);
+      hash.vector(spring.anchor);
+    }
     hash.number(b.corotational);
     hash.number(b.max_new_nodes);
   }

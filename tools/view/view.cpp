@@ -1,11 +1,14 @@
 // haptic view: a page in the browser that shows a running daemon, or a recording, as it is felt.
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 
+#include "server/dds/command.h"
 #include "server/files/usage.h"
 #include "server/os/realtime.h"
 #include "tools/cli/command.h"
@@ -58,6 +61,32 @@ void say_where(const PageServer& server, const ViewOptions& o) {
 }
 
 // Until interrupted: what `poll` has goes to the viewers, what they say to `hear`.
+// {"reset": true} from a page: the daemon is asked, on a thread of its own, once at a time.
+class ResetButton {
+ public:
+  explicit ResetButton(const Participant& participant) : participant_(participant) {}
+
+  void hear(const std::string& text) {
+    const nlohmann::json said = nlohmann::json::parse(text, nullptr, false);
+    if (!said.is_object() || !said.contains("reset") || said["reset"] != true || busy_.exchange(true)) return;
+    asking_ = std::jthread([this] {
+      try {
+        const CommandReply reply = ask_server(participant_, ServerCommand::reset, 5);
+        if (!reply.done)
+          std::fprintf(stderr, "haptic: reset: %s\n", reply.heard ? reply.message.c_str() : "no daemon answered");
+      } catch (const std::exception& e) {
+        std::fprintf(stderr, "haptic: reset: %s\n", e.what());
+      }
+      busy_ = false;
+    });
+  }
+
+ private:
+  const Participant& participant_;
+  std::atomic<bool> busy_{false};
+  std::jthread asking_;
+};
+
 template <typename Poll, typename Hear>
 void serve(const ViewOptions& o, Poll&& poll, Hear&& hear) {
   Texts texts;
@@ -94,7 +123,11 @@ int view_daemon(const ViewOptions& o) {
   const Participant participant(domain, security);
   LiveSource live(participant);
   std::optional<RemoteHand> hand;
-  if (o.control) hand.emplace(participant, o.device_id);
+  std::optional<ResetButton> reset;
+  if (o.control) {
+    hand.emplace(participant, o.device_id);
+    reset.emplace(participant);
+  }
   const auto silent_until = std::chrono::steady_clock::now() + std::chrono::seconds(5);
   bool said = false;
   serve(
@@ -112,6 +145,7 @@ int view_daemon(const ViewOptions& o) {
       },
       [&](std::uint64_t viewer, const std::string& text) {
         if (hand) hand->hear(viewer, text);
+        if (reset) reset->hear(text);
       });
   return 0;
 }

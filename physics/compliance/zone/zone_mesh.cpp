@@ -48,6 +48,8 @@ ZoneMesh ZoneMeshes::now() const {
   }
   mesh.model.mesh.tets = model_.mesh.tets;
   mesh.model.material = model_.material;
+  mesh.model.elastic = model_.elastic;
+  mesh.model.springs = model_.springs;
   mesh.model.gradients = model_.gradients;
   mesh.model.volume = model_.volume;
   mesh.model.fixed = model_.fixed;

@@ -153,7 +153,7 @@ void ZoneReference::add_element(int t, const Mat3& rotation, std::span<const Mat
   const SystemMatrix& matrix = law();
   const SystemMatrix::Element& element = elements_[t];
   const Gradients b = rotation * element.gradients;
-  const double mass = sign * matrix.lumped_mass(element.volume), volume = sign * element.volume;
+  const double mass = sign * matrix.lumped_mass(element), volume = sign * element.volume;
   for (int i = 0; i < 4; ++i) {
     const int a = element.node[i];
     if (fixed_[a]) continue;
@@ -162,7 +162,7 @@ void ZoneReference::add_element(int t, const Mat3& rotation, std::span<const Mat
       const int c = element.node[j];
       const int q = zone_place(c);
       if (fixed_[c] || q > p) continue;
-      const Mat3 K = stiffness_block(b.col(i), b.col(j), volume, matrix.mu(), matrix.lambda());
+      const Mat3 K = stiffness_block(b.col(i), b.col(j), volume, matrix.mu(element), matrix.lambda(element));
       auto block = S.block<3, 3>(3 * p, 3 * q);
       if (Q.empty())
         block += K;

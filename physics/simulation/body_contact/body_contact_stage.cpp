@@ -45,7 +45,10 @@ void carry(const StepContext& c, const CondensedProblem& problem, BodyContacts& 
     bool pulled = false;
     for (std::size_t k = 0; k < nodes.size(); ++k)
       pulled = pulled || (nodes[k].body == b && !problem.pull[k].isZero(0));
-    if (!pulled || std::ranges::any_of(body.model.fixed, [](auto fixed) { return fixed != 0; })) continue;
+    if (!pulled) continue;
+    bool held = false;
+    for (int n = 0; n < body.model.nodes_in_use; ++n) held = held || body.model.holds(n);
+    if (held) continue;
     for (const InstrumentReference& of : problem.instrument.value) {
       if (of.load.isZero(0)) continue;
       const Vec3 origin = of.X_ref.p - of.way.head<3>();

@@ -108,10 +108,12 @@ class Bounding {
   // The energy of a strain that is nothing but rounding: at rest there is no other scale [J].
   VecX strain_of_rounding() const {
     constexpr double strain = 1e-9, to_scale = 1 / solve_error;
-    VecX volume = VecX::Zero(pieces_.count());
+    VecX stiff_volume = VecX::Zero(pieces_.count());
     for (int t = 0; t < model_.tet_count(); ++t)
-      if (pieces_.of_tet[t] >= 0) volume[pieces_.of_tet[t]] += model_.volume[t];
-    return to_scale * strain * strain * (2 * model_.material.mu() + model_.material.lambda()) * volume;
+      if (pieces_.of_tet[t] >= 0)
+        stiff_volume[pieces_.of_tet[t]] +=
+            (2 * model_.elastic[t].mu + model_.elastic[t].lambda) * model_.volume[t];
+    return to_scale * strain * strain * stiff_volume;
   }
 
   const TissueModel& model_;

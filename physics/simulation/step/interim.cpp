@@ -37,7 +37,7 @@ class Linearisation {
   Corners load(int t, const Mat3& R) const {
     const TissueModel& m = body_.model;
     const Tet& tet = m.mesh.tets[t];
-    const double mu = m.material.mu(), lambda = m.material.lambda();
+    const auto [mu, lambda, density] = m.elastic[t];
     Corners motion;
     for (int a = 0; a < 4; ++a) motion.col(a) = offset(tet[a]);
     const Mat3 S =
@@ -52,7 +52,7 @@ class Linearisation {
     return load;
   }
 
-  double mass(int t) const { return 0.25 * body_.model.material.density * body_.model.volume[t]; }
+  double mass(int t) const { return 0.25 * body_.model.elastic[t].density * body_.model.volume[t]; }
 
  private:
   const Body& body_;
@@ -66,8 +66,8 @@ void add_element(const Body& body, const Linearisation& at, int t, const Mat3& R
   const TissueModel& m = body.model;
   const Tet& tet = m.mesh.tets[t];
   const Gradients b = R * m.gradients[t];
-  const double mu = sign * at.stiffness() * m.material.mu(),
-               lambda = sign * at.stiffness() * m.material.lambda();
+  const double mu = sign * at.stiffness() * m.elastic[t].mu,
+               lambda = sign * at.stiffness() * m.elastic[t].lambda;
   const Corners load = sign * at.load(t, R);
   for (int i = 0; i < 4; ++i) {
     if (m.fixed[tet[i]]) continue;

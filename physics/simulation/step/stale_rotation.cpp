@@ -9,7 +9,7 @@ namespace hapticd {
 namespace {
 
 double change_of_force(const TissueModel& m, int t, const Mat3& F, const Mat3& R, const Mat3& stale) {
-  const double mu = m.material.mu(), lambda = m.material.lambda();
+  const auto [mu, lambda, density] = m.elastic[t];
   const Mat3 S = R.transpose() * F;
   const Mat3 held = 0.5 * R * (S + S.transpose());
   return (element_forces(F, stale, m.gradients[t], m.volume[t], mu, lambda) -

@@ -24,7 +24,7 @@ inline void recount(const TissueModel& model, TissueState& state) {
   for (int t = 0; t < model.tets_in_use; ++t)
     for (const int n : model.mesh.tets[t]) {
       if (!state.alive[t]) continue;
-      state.mass[n] += 0.25 * model.material.density * model.volume[t];
+      state.mass[n] += 0.25 * model.elastic[t].density * model.volume[t];
       ++state.live_tets_of_node[n];
     }
 }

@@ -42,12 +42,12 @@ using Lines = std::vector<std::string>;
 
 TEST_F(ReloadedScene, UnchangedNothingIsTaken) {
   const Reload r = reloader().read();
-  EXPECT_TRUE(r.taken.empty() && r.clamped.empty() && r.not_taken.empty());
+  EXPECT_TRUE(r.taken.empty() && r.clamped.empty() && r.not_taken.empty() && r.anew.empty() && !r.scene);
   ASSERT_EQ(r.tunings.size(), 1u);
   EXPECT_EQ(r.tunings[0], tuning_of(read_scene(scene).first().device));
 }
 
-TEST_F(ReloadedScene, LimitsScalesAndLoggingAreTakenTheRestIsNamed) {
+TEST_F(ReloadedScene, LimitsScalesAndLoggingAreTakenTheRestIsAnew) {
   Reloader reloader = this->reloader();
   change(device, "max_force: 3.3", "max_force: 2");
   change(scene, "force_scale: 1", "force_scale: 0.5");
@@ -57,16 +57,28 @@ TEST_F(ReloadedScene, LimitsScalesAndLoggingAreTakenTheRestIsNamed) {
   const Reload r = reloader.read();
   EXPECT_EQ(r.taken, (Lines{"logging.level info → debug", "device 0: max_force 3.3 → 2",
                             "device 0: force_scale 1 → 0.5"}));
-  EXPECT_EQ(r.not_taken,
-            (Lines{"bodies[0].material.young (restart for it)", "simulation.rate (restart for it)"}));
+  EXPECT_EQ(r.anew, (Lines{"bodies[0].material.young", "simulation.rate"}));
+  ASSERT_TRUE(r.scene);
+  EXPECT_EQ(r.scene->bodies[0].material.young, 6000);
+  EXPECT_TRUE(r.not_taken.empty());
   EXPECT_TRUE(r.clamped.empty());
   EXPECT_EQ(r.tunings[0].max_force, 2);
   EXPECT_EQ(r.tunings[0].force_scale, 0.5);
   EXPECT_EQ(r.log_level, "debug");
-  // Again: taken is taken, what was not is still not.
+  // Again: taken is taken, what was not begun anew still differs.
   const Reload again = reloader.read();
   EXPECT_TRUE(again.taken.empty());
-  EXPECT_EQ(again.not_taken.size(), 2u);
+  EXPECT_EQ(again.anew.size(), 2u);
+  reloader.begun_anew();
+  EXPECT_TRUE(reloader.read().anew.empty());
+}
+
+TEST_F(ReloadedScene, WhatOnlyAStartCanMakeIsNotTaken) {
+  Reloader reloader = this->reloader();
+  std::ofstream(scene, std::ios::app) << "\nros2: true\nhaptic: {mode: event}\n";
+  const Reload r = reloader.read();
+  EXPECT_EQ(r.not_taken, (Lines{"haptic.mode (restart for it)", "ros2 (restart for it)"}));
+  EXPECT_FALSE(r.scene);
 }
 
 TEST_F(ReloadedScene, NothingGoesBeyondWhatTheDeviceStartedWith) {
@@ -94,8 +106,9 @@ TEST_F(ReloadedScene, ANewerMeshIsNamed) {
   fs::last_write_time(folder / "cube.msh",
                       fs::last_write_time(folder / "cube.msh") + std::chrono::seconds(5));
   const Reload r = reloader.read();
-  ASSERT_EQ(r.not_taken.size(), 1u);
-  EXPECT_NE(r.not_taken[0].find("cube.msh: a newer mesh"), std::string::npos);
+  ASSERT_EQ(r.anew.size(), 1u);
+  EXPECT_NE(r.anew[0].find("cube.msh: a newer mesh"), std::string::npos);
+  EXPECT_TRUE(r.scene);
 }
 
 TEST_F(ReloadedScene, AFaultIsNamedByFileLineAndKey) {

@@ -138,7 +138,7 @@ TEST(MeshReader, NamesFileLineAndSection) {
   const std::string whole = two_tets(good);
   expect_fault(whole.substr(0, whole.find("$Elements")), "0 $Elements", "missing");
   expect_fault("$MeshFormat\n3.0 0 8\n$EndMeshFormat\n", "2 $MeshFormat", "msh41");
-  expect_fault("solid cube\n", "1 ", "neither");
+  expect_fault("solid cube\n", "1 ", "an STL surface");
   expect_fault("", "1 ", "neither");
 }
 

@@ -140,7 +140,7 @@ TEST_F(ServiceDaemon, ItIsReadyPingsReloadsAndSaysThatItStops) {
   daemon.signal(SIGTERM);
   EXPECT_NE(hear(10'000 * ms, "STOPPING=1").find("STOPPING=1"), std::string::npos);
   EXPECT_EQ(daemon.wait(10'000), 0);
-  // Not a terminal: every line is an object, and says what was taken and what not.
+  // Not a terminal: every line is an object, and says what was taken and what is anew.
   std::istringstream lines(text_of(log));
   std::string events;
   for (std::string line; std::getline(lines, line);) {
@@ -148,7 +148,7 @@ TEST_F(ServiceDaemon, ItIsReadyPingsReloadsAndSaysThatItStops) {
     events += LogFields::parse(line)["message"].get<std::string>() + "\n";
   }
   EXPECT_NE(events.find("taken: device 0: force_scale 1 → 0.5"), std::string::npos) << events;
-  EXPECT_NE(events.find("not taken: simulation.rate (restart for it)"), std::string::npos) << events;
+  EXPECT_NE(events.find("the simulation begins again with: simulation.rate"), std::string::npos) << events;
   EXPECT_NE(events.find("mapping.force_scale: 'plenty' is not a number"), std::string::npos) << events;
 }
 

@@ -14,6 +14,7 @@ export class Hand {
     this.maps = new Map();  // of devices, into the scene
     this.device = null;     // that a hand may be; null: not told yet
     $('hand-take').addEventListener('click', () => this.toggle());
+    $('scene-reset').addEventListener('click', () => this.connection.send({ reset: true }));
     const canvas = stage.canvas;
     canvas.addEventListener('pointerdown', e => { if (this.held) this.drag = { x: e.clientX, y: e.clientY }; });
     window.addEventListener('pointerup', () => { this.drag = null; });
