@@ -8,35 +8,48 @@
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <regex>
+#include <stdexcept>
 
+#include "server/dds/call_table.h"
 #include "server/dds/rtps_check.h"
 
 namespace hapticd {
 namespace {
 
-using Bind = int (*)(int, const sockaddr*, socklen_t);
+using Bind = int (*)(int, const sockaddr*, socklen_t) noexcept;
 using Receive = ssize_t (*)(int, msghdr*, int);
 
 thread_local bool to_loopback = false;
 std::atomic<std::uint64_t> refused{0};
 
+// What comes after ours; where libddsc's table was written over, what was there.
+std::atomic<Bind> bind_before{nullptr};
+std::atomic<Receive> recvmsg_before{nullptr};
+
+template <typename F>
+F as_function(void* found) noexcept {
+  F function;
+  std::memcpy(&function, &found, sizeof function);
+  return function;
+}
 // The function that the next library has under this name.
 template <typename F>
 F next(const char* name) noexcept {
   void* found = dlsym(RTLD_NEXT, name);
   if (!found) std::abort();
-  F function;
-  std::memcpy(&function, &found, sizeof function);
-  return function;
+  return as_function<F>(found);
 }
 Bind next_bind() noexcept {
   static const Bind function = next<Bind>("bind");
-  return function;
+  const Bind before = bind_before.load(std::memory_order_relaxed);
+  return before ? before : function;
 }
 Receive next_recvmsg() noexcept {
   static const Receive function = next<Receive>("recvmsg");
-  return function;
+  const Receive before = recvmsg_before.load(std::memory_order_relaxed);
+  return before ? before : function;
 }
 
 bool is_datagram(int socket) noexcept {
@@ -44,6 +57,8 @@ bool is_datagram(int socket) noexcept {
   socklen_t size = sizeof type;
   return getsockopt(socket, SOL_SOCKET, SO_TYPE, &type, &size) == 0 && type == SOCK_DGRAM;
 }
+
+void come_first();
 
 }  // namespace
 
@@ -59,14 +74,39 @@ bool names_loopback_alone(const std::string& xml) {
   return any;
 }
 
-LoopbackSockets::LoopbackSockets(bool wanted) noexcept {
+LoopbackSockets::LoopbackSockets(bool wanted) {
   next_recvmsg();  // looked up before a real-time thread receives
+  static std::once_flag once;
+  std::call_once(once, come_first);
   to_loopback = wanted;
 }
 LoopbackSockets::~LoopbackSockets() { to_loopback = false; }
 
 std::uint64_t packets_refused() noexcept { return refused.load(std::memory_order_relaxed); }
 
+}  // namespace hapticd
+
+namespace hapticd {
+namespace {
+
+// In a program both functions below are before libc's for every library; in a shared library that hides them
+// (tools/client_library) for none.
+template <typename F>
+void come_first(const char* name, F* ours, std::atomic<F*>& before) {
+  void* const us = reinterpret_cast<void*>(ours);
+  if (dlsym(RTLD_DEFAULT, name) == us) return;
+  void* const there = redirect_calls("libddsc.so", name, us);
+  if (!there)
+    throw std::runtime_error(std::string("DDS: what libddsc hears cannot be checked: it has no call of ") + name +
+                             " that could be led here");
+  before.store(as_function<F*>(there), std::memory_order_relaxed);
+}
+void come_first() {
+  come_first("bind", &::bind, bind_before);
+  come_first("recvmsg", &::recvmsg, recvmsg_before);
+}
+
+}  // namespace
 }  // namespace hapticd
 
 extern "C" int bind(int socket, const sockaddr* address, socklen_t size) noexcept {

@@ -1,7 +1,7 @@
 // Filters what Cyclone DDS may hear: its calls of bind and recvmsg pass through this file to the C library.
 //
-// A program that links this file defines both functions, so the loader gives libddsc these instead of
-// libc's.
+// A program that links this file defines both functions, so the loader gives libddsc these instead of libc's; a
+// shared library that hides them puts them into libddsc's table of calls (call_table.h), or refuses.
 // - Cyclone binds its UDP sockets to every address of the machine, whichever interface its profile names.
 //   Where the profile names loopback alone, they are bound to 127.0.0.1, and the kernel drops packets from
 //   outside.
@@ -22,7 +22,7 @@ bool names_loopback_alone(const std::string& profile_xml);
 // While it lives, this thread's UDP sockets for every address of the machine become sockets of loopback.
 class LoopbackSockets {
  public:
-  explicit LoopbackSockets(bool wanted) noexcept;
+  explicit LoopbackSockets(bool wanted);
   ~LoopbackSockets();
   LoopbackSockets(const LoopbackSockets&) = delete;
   LoopbackSockets& operator=(const LoopbackSockets&) = delete;

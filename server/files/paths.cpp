@@ -1,5 +1,7 @@
 #include "server/files/paths.h"
 
+#include <dlfcn.h>
+
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -19,12 +21,28 @@ const char* set_by_user() {
   return set && *set ? set : nullptr;
 }
 
+// The shared library that this code is part of; empty where it is part of the program itself.
+fs::path own_library(const fs::path& program) {
+  Dl_info found{};
+  if (!dladdr(reinterpret_cast<const void*>(&config_directory), &found) || !found.dli_fname) return {};
+  std::error_code error;
+  const fs::path file = fs::canonical(found.dli_fname, error);
+  return error || file == program ? fs::path() : file;
+}
+
 }  // namespace
 
 fs::path config_directory() {
   if (const char* set = set_by_user()) return set;
   std::error_code error;
   const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  // PREFIX/lib/x86_64-linux-gnu/libhaptic_client.so.0 has it in PREFIX/share.
+  fs::path above = own_library(program).parent_path();
+  for (int i = 0; i < 3 && above.has_relative_path(); ++i) {
+    above = above.parent_path();
+    if (const fs::path beside = above / "share/hapticd"; fs::is_directory(beside, error))
+      return fs::canonical(beside, error);
+  }
   // Without the links in it, so that what lies beside the configuration is found too.
   const fs::path near = fs::canonical(program.parent_path() / "../share/hapticd", error);
   return !error && fs::is_directory(near, error) ? near : fs::path(HAPTICD_CONFIG_DIR);

@@ -11,6 +11,7 @@
 
 #include "haptic/loop.h"
 #include "tools/cli/interrupt.h"
+#include "tools/client_library/phase.h"
 
 namespace hapticd {
 namespace {
@@ -110,7 +111,7 @@ bool DeviceClient::arm(const DeviceCommand& first) noexcept {
     next_ns_ += period_ns * (1 + std::max<std::int64_t>(0, (now - next_ns_) / period_ns));
 
     if (ages_taken_.load(std::memory_order_acquire) == age_count && rounds < rounds_of_phase) {
-      const double shift = hapticd::phase_shift_us({ages_.begin(), ages_.end()});
+      const double shift = hapticd::phase_shift_us(ages_);
       rounds = std::abs(shift) < phase_tolerance_us ? rounds_of_phase : rounds + 1;
       if (std::abs(shift) >= phase_tolerance_us) {
         phase_shift_us_ += shift;

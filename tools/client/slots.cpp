@@ -1,8 +1,6 @@
 #include "tools/client/slots.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 
 namespace hapticd {
 
@@ -60,19 +58,6 @@ std::vector<double> SlotBook::lateness_us() const {
   for (std::int64_t k = 0; k < plan_.slots; ++k)
     if (sent_ns(k) != 0) times.push_back(1e-3 * static_cast<double>(sent_ns(k) - plan_.time_of(k)));
   return times;
-}
-
-double phase_shift_us(const std::vector<double>& ages_us, double period_us) noexcept {
-  double s = 0, c = 0;
-  const double turn = 2 * std::numbers::pi / period_us;
-  for (const double age : ages_us) {
-    s += std::sin(turn * age);
-    c += std::cos(turn * age);
-  }
-  if (s == 0 && c == 0) return 0;
-  const double age = std::atan2(s, c) / turn;  // in (−period/2, period/2]
-  const double shift = age - 0.5 * period_us;  // an older state than wanted: send later
-  return shift <= -0.5 * period_us ? shift + period_us : shift;
 }
 
 }  // namespace hapticd

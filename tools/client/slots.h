@@ -71,11 +71,4 @@ class SlotBook {
   std::atomic<std::int64_t> sent_{0}, answered_{0}, repeats_{0};
 };
 
-// How far a client should move its slots so that states arrive half a period before the daemon's tick, from
-// the ages that the daemon reports (tick − arrival, [µs]). A positive shift sends later, hence fresher.
-// The ages are points on a circle of one period (an age of 0.02 ms and one of 0.98 ms are neighbours, and
-// that neighbourhood is just where a state is taken twice or not at all), so their circular mean is used.
-// Result in (−period/2, period/2]; 0 when there are no ages. Throws nothing.
-double phase_shift_us(const std::vector<double>& ages_us, double period_us = 1000) noexcept;
-
 }  // namespace hapticd

@@ -62,21 +62,5 @@ TEST(Slots, NumbersOutsideThePlanAreNobodys) {
   EXPECT_EQ(book.slot_of(105), -1);
 }
 
-// Shifting by the result brings any phase to half a period, seen through noise and across the wrap.
-TEST(Slots, ThePhaseShiftLeadsToHalfAPeriod) {
-  std::mt19937 random(5);
-  std::normal_distribution<double> noise(0, 40);
-  for (double phase = 0; phase < 1000; phase += 25) {
-    std::vector<double> ages;
-    for (int i = 0; i < 200; ++i) ages.push_back(std::fmod(phase + noise(random) + 2000, 1000));
-    const double shift = phase_shift_us(ages);
-    EXPECT_GT(shift, -500.001);
-    EXPECT_LE(shift, 500);
-    const double after = std::fmod(phase - shift + 2000, 1000);
-    EXPECT_NEAR(after, 500, 15) << phase;
-  }
-  EXPECT_EQ(phase_shift_us({}), 0);
-}
-
 }  // namespace
 }  // namespace hapticd

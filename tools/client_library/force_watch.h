@@ -1,4 +1,4 @@
-// The driver's two decisions as pure state machines: what the device may feel, and when to ask for force.
+// A client's two decisions as pure state machines: what the device may feel, and when to ask for force.
 //
 //   feel:    the newest force that answers a state of ours, within the device's limits (haptic/limits.h):
 //              ‖F‖ ≤ max_force, ‖τ‖ ≤ max_torque, all changes in one slot together ≤ max_force_rate · 1 ms
@@ -16,7 +16,7 @@
 #include <cstdint>
 
 #include "haptic/limits.h"
-#include "tools/driver/driver.h"
+#include "tools/client_library/feel.h"
 
 namespace hapticd {
 
@@ -37,10 +37,15 @@ class ForceWatch {
     state_[number % state_.size()] = {number, time_ns};
   }
 
+  // Whether that state is one of ours, a quarter of a second old at most.
+  bool ours(std::uint64_t number, std::int64_t time_ns) const noexcept {
+    const State& s = state_[number % state_.size()];
+    return number != 0 && s.number == number && s.time_ns == time_ns;
+  }
+
   // A force that echoes that state; true: it is ours, and newer than any before.
   bool heard(std::int64_t now_ns, std::uint64_t number, std::int64_t time_ns, const Feel& feel) noexcept {
-    const State& s = state_[number % state_.size()];
-    if (number == 0 || s.number != number || s.time_ns != time_ns) return false;
+    if (!ours(number, time_ns)) return false;
     if (heard_ns_ > 0) longest_ns_ = std::max(longest_ns_, now_ns - heard_ns_);
     heard_ns_ = now_ns;
     silent_ = false;
@@ -54,7 +59,7 @@ class ForceWatch {
   // What to write to the device now.
   Feel feel(std::int64_t now_ns) noexcept {
     const std::uint32_t status = status_ | (latched_ ? std::uint32_t{status_rival} : 0u);
-    if (heard_ns_ == 0 || now_ns - heard_ns_ >= force_silence_ns) {
+    if (is_silent(now_ns)) {
       silences_ += heard_ns_ > 0 && !silent_;
       silent_ = true;
       felt_ = {};
@@ -78,6 +83,13 @@ class ForceWatch {
     return out;
   }
 
+  // The device goes to zero at once: there is nothing that it may feel.
+  void zero() noexcept { felt_ = {}; }
+
+  bool is_silent(std::int64_t now_ns) const noexcept {
+    return heard_ns_ == 0 || now_ns - heard_ns_ >= force_silence_ns;
+  }
+  bool ever_heard() const noexcept { return heard_ns_ > 0; }
   std::uint64_t answered() const noexcept { return answered_; }  // number of the newest state answered
   std::uint32_t status() const noexcept { return status_; }
   bool latched() const noexcept { return latched_; }

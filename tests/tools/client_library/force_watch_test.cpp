@@ -1,4 +1,4 @@
-#include "tools/driver/force_watch.h"
+#include "tools/client_library/force_watch.h"
 
 #include <limits>
 
