@@ -2,10 +2,11 @@
 //
 //   F_e = F U,   U = diag(stretch):   g → U g,   V → V / det U,   ρ → ρ det U
 //
-// A region's natural shape is the mesh's, each axis shortened by its stretch: where the mesh stands, the tissue
-// is strained by U − I. A bar that is held at both ends, stretched by 1 + ε along its axis, pulls with E A ε.
-// Mass stays what the mesh and the density say. Units: Pa, kg/m³, N/m, m. Errors: std::invalid_argument for a
-// tetrahedron or a node that does not exist, and for a stretch that is not positive.
+// A region's natural shape is the mesh's, each axis shortened by its stretch: where the mesh stands, the
+// tissue is strained by U − I. A bar that is held at both ends, stretched by 1 + ε along its axis, pulls with
+// E A ε. Mass stays what the mesh and the density say. Units: Pa, kg/m³, N/m, m. Errors:
+// std::invalid_argument for a tetrahedron or a node that does not exist, and for a stretch that is not
+// positive.
 #pragma once
 
 #include <span>

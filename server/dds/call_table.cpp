@@ -26,7 +26,8 @@ const T* address(const dl_phdr_info& library, ElfW(Addr) value) noexcept {
   return reinterpret_cast<const T*>(value < library.dlpi_addr ? library.dlpi_addr + value : value);
 }
 
-// The table may be read-only since it was filled in (RELRO). Returns what was there; null: it cannot be written.
+// The table may be read-only since it was filled in (RELRO). Returns what was there; null: it cannot be
+// written.
 void* write_entry(ElfW(Addr) at, void* to) noexcept {
   const auto page = static_cast<ElfW(Addr)>(sysconf(_SC_PAGESIZE));
   void* const begin = reinterpret_cast<void*>(at / page * page);
@@ -79,7 +80,7 @@ class Table {
   const dl_phdr_info& library_;
   const ElfW(Sym) * symbols_ = nullptr;
   const char* names_ = nullptr;
-  const ElfW(Rela) *calls_ = nullptr, *data_ = nullptr;
+  const ElfW(Rela) * calls_ = nullptr, *data_ = nullptr;
   std::size_t calls_size_ = 0, data_size_ = 0;
 };
 

@@ -52,7 +52,8 @@ CommandReply ask_server(const Participant& participant, ServerCommand command, d
   const auto until = Clock::now() + std::chrono::duration<double>(seconds);
   while (!reply.heard && Clock::now() < until) {
     // The reply's writer too: it is volatile.
-    if (!asked && commands.matched() > 0 && replies.matched() > 0) asked = commands.write(m) == DDS_RETCODE_OK;
+    if (!asked && commands.matched() > 0 && replies.matched() > 0)
+      asked = commands.write(m) == DDS_RETCODE_OK;
     replies.take_each([&](const hapticd_msg_ServerReply& r, const dds_sample_info_t&) {
       if (r.asker == m.asker) reply = {true, r.done, r.message ? r.message : ""};
     });

@@ -1,5 +1,5 @@
-// What a person asks of a running daemon over DDS, from both sides: the scene again from its start, or its file
-// read again.
+// What a person asks of a running daemon over DDS, from both sides: the scene again from its start, or its
+// file read again.
 //
 //   haptic/server/command, /reply      reliable, volatile: a daemon that starts later is asked nothing
 //
@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "server/dds/dds.h"
 #include "idl/command.h"  // generated from idl/command.idl
+#include "server/dds/dds.h"
 
 namespace hapticd {
 

@@ -8,7 +8,22 @@
 
 namespace hapticd {
 
-enum class ForeignFormat { none, stl, ply, obj, off, vtk_surface, vtu, gmsh_1, gmsh_other, medit, abaqus, xdmf, xml, unknown };
+enum class ForeignFormat {
+  none,
+  stl,
+  ply,
+  obj,
+  off,
+  vtk_surface,
+  vtu,
+  gmsh_1,
+  gmsh_other,
+  medit,
+  abaqus,
+  xdmf,
+  xml,
+  unknown
+};
 
 // none: read_mesh (mesh_reader.h) knows it.
 ForeignFormat foreign_format(const std::string& bytes, const std::filesystem::path& file);

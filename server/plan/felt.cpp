@@ -33,14 +33,17 @@ Felt felt_along(const PilotStroke& stroke, const TrialRun& run, int every_ms) {
 std::string describe(const Felt& felt, const SceneInstrument& held) {
   if (!(felt.peak > 0)) return "tissue     the stroke touches nothing\n";
   const DeviceSettings& d = held.device;
-  const double peak = felt.peak * d.force_scale, stiffness = felt.stiffness * d.position_scale * d.force_scale;
+  const double peak = felt.peak * d.force_scale,
+               stiffness = felt.stiffness * d.position_scale * d.force_scale;
   char text[256];
-  std::snprintf(text, sizeof text, "tissue     felt along the stroke: at most %.3g N, %.4g N/m on the way there (in the scene %.3g N, %.4g N/m)%s\n",
+  std::snprintf(text, sizeof text,
+                "tissue     felt along the stroke: at most %.3g N, %.4g N/m on the way there (in the scene "
+                "%.3g N, %.4g N/m)%s\n",
                 peak, stiffness, felt.peak, felt.stiffness,
-                peak > d.max_force                   ? ": MORE than the device's max_force, which cuts it off"
-                : stiffness > held.device_stiffness  ? ": STIFFER than the device displays stably"
-                : peak < least_felt                  ? ": hardly to be felt; raise mapping.force_scale"
-                                                     : "");
+                peak > d.max_force                  ? ": MORE than the device's max_force, which cuts it off"
+                : stiffness > held.device_stiffness ? ": STIFFER than the device displays stably"
+                : peak < least_felt                 ? ": hardly to be felt; raise mapping.force_scale"
+                                                    : "");
   return text;
 }
 

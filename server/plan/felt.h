@@ -2,8 +2,9 @@
 //
 //   peak       max ‖f‖                     stiffness   peak / ‖x_peak − x_touch‖
 //
-// x_touch: where the force first was a hundredth of the peak. Of tissue and coupling together, as the hand meets
-// them. Units: N and N/m in the scene; at the device times force_scale, and position_scale · force_scale.
+// x_touch: where the force first was a hundredth of the peak. Of tissue and coupling together, as the hand
+// meets them. Units: N and N/m in the scene; at the device times force_scale, and position_scale ·
+// force_scale.
 #pragma once
 
 #include <string>

@@ -36,11 +36,13 @@ void doubt_body(const Scene& scene, const SceneBody& body, std::vector<std::stri
   const MeshQuality q = measure_mesh(body.mesh);
   const char* name = body.name.c_str();
   if (q.diagonal() > largest)
-    out.push_back(format("%s: %.3g m from corner to corner: larger than an organ; is the mesh in mm (mesh_unit: mm)?", name,
-                         q.diagonal()));
+    out.push_back(
+        format("%s: %.3g m from corner to corner: larger than an organ; is the mesh in mm (mesh_unit: mm)?",
+               name, q.diagonal()));
   if (q.diagonal() < smallest)
-    out.push_back(format("%s: %.3g mm from corner to corner: smaller than an organ; is its unit right (mesh_unit, scale)?",
-                         name, 1e3 * q.diagonal()));
+    out.push_back(format(
+        "%s: %.3g mm from corner to corner: smaller than an organ; is its unit right (mesh_unit, scale)?",
+        name, 1e3 * q.diagonal()));
   if (body.kind == BodyKind::rigid) return;
   if (body.material.young < softest || body.material.young > stiffest)
     out.push_back(format("%s: E %.3g Pa: soft tissue has 50 Pa to 10 MPa, an organ some kPa (3e3)", name,
@@ -49,23 +51,26 @@ void doubt_body(const Scene& scene, const SceneBody& body, std::vector<std::stri
     const double r = tip_radius(held);
     if (!(r > 0)) continue;
     if (r < 0.5 * q.surface_edge.mean)
-      out.push_back(format("%s: the tip of %s (%.3g mm) is finer than the mesh (edges of %.3g mm): elements are felt, not "
-                           "tissue",
-                           name, held.name.c_str(), 1e3 * r, 1e3 * q.surface_edge.mean));
+      out.push_back(format(
+          "%s: the tip of %s (%.3g mm) is finer than the mesh (edges of %.3g mm): elements are felt, not "
+          "tissue",
+          name, held.name.c_str(), 1e3 * r, 1e3 * q.surface_edge.mean));
     if (r > 0.5 * q.diagonal())
-      out.push_back(format("%s: the tip of %s (%.3g mm) is as large as the body (%.3g mm)", name, held.name.c_str(),
-                           1e3 * r, 1e3 * q.diagonal()));
+      out.push_back(format("%s: the tip of %s (%.3g mm) is as large as the body (%.3g mm)", name,
+                           held.name.c_str(), 1e3 * r, 1e3 * q.diagonal()));
     const double contact = 2 * body.material.young / (1 - body.material.poisson * body.material.poisson) * r *
                            std::numbers::sqrt2 / 2;
     if (held.coupling.stiffness < least_coupling * contact)
-      out.push_back(format("%s: the coupling of %s (%.3g N/m) is hardly stiffer than the tissue under its tip (%.3g N/m): "
-                           "that is what is felt",
-                           name, held.name.c_str(), held.coupling.stiffness, contact));
+      out.push_back(format(
+          "%s: the coupling of %s (%.3g N/m) is hardly stiffer than the tissue under its tip (%.3g N/m): "
+          "that is what is felt",
+          name, held.name.c_str(), held.coupling.stiffness, contact));
     const std::vector<int> near = nodes_in_reach(body.mesh, r, scene.alarm_distance);
     if (!near.empty() && near.back() > max_patch_nodes)
-      out.push_back(format("%s: up to %d nodes are within reach of the tip, and a problem holds %d: the farthest are left "
-                           "out (a coarser mesh, or a smaller alarm_distance)",
-                           name, near.back(), max_patch_nodes));
+      out.push_back(format(
+          "%s: up to %d nodes are within reach of the tip, and a problem holds %d: the farthest are left "
+          "out (a coarser mesh, or a smaller alarm_distance)",
+          name, near.back(), max_patch_nodes));
   }
   const double face = q.boundary_faces > 0 ? q.boundary_area / q.boundary_faces : 0;
   for (const SceneInstrument& held : scene.instruments) {
@@ -73,9 +78,10 @@ void doubt_body(const Scene& scene, const SceneBody& body, std::vector<std::stri
     const double samples = std::numbers::pi * reach * reach /
                            std::max(1e-300, std::min(scene.sample_spacing * scene.sample_spacing, face));
     if (samples > max_patch_samples)
-      out.push_back(format("%s: some %.0f sample points are within reach of %s, and a problem holds %d: the nearest are kept "
-                           "(a larger sample_spacing)",
-                           name, samples, held.name.c_str(), max_patch_samples));
+      out.push_back(format(
+          "%s: some %.0f sample points are within reach of %s, and a problem holds %d: the nearest are kept "
+          "(a larger sample_spacing)",
+          name, samples, held.name.c_str(), max_patch_samples));
   }
 }
 

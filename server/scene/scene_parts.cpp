@@ -14,7 +14,8 @@ constexpr NumberRange poisson_cap{0, 0.5, true, true, "Poisson's ratio that line
 constexpr NumberRange density{0, 1e5, true, false, "kilograms per cubic metre; tissue has about 1000"};
 constexpr NumberRange rayleigh_mass{0, 1e4, false, false, "alpha of B = alpha M + beta K, in 1/s"};
 constexpr NumberRange rayleigh_stiffness{0, 10, false, false, "beta of B = alpha M + beta K, in seconds"};
-constexpr NumberRange scale{1e-6, 1e6, false, false, "1: the mesh as it is; a mirrored body needs another mesh"};
+constexpr NumberRange scale{1e-6, 1e6, false, false,
+                            "1: the mesh as it is; a mirrored body needs another mesh"};
 constexpr NumberRange node_stiffness{0, 1e9, true, false, "newtons per metre, of each node of the group"};
 constexpr NumberRange area_stiffness{0, 1e15, true, false,
                                      "newtons per metre and square metre of the group's surface"};
@@ -25,8 +26,9 @@ Vec3 read_stretch(const YamlMap& yaml) {
   if (!yaml.has("stretch")) return Vec3::Ones();
   const Vec3 stretch = yaml.vec3("stretch");
   if (stretch.minCoeff() < least_stretch || stretch.maxCoeff() > greatest_stretch)
-    throw yaml.error("stretch", "each axis lies between 0.5 and 2: how many times its natural length the tissue "
-                                "has where the mesh stands (1: no tension)");
+    throw yaml.error("stretch",
+                     "each axis lies between 0.5 and 2: how many times its natural length the tissue "
+                     "has where the mesh stands (1: no tension)");
   return stretch;
 }
 
@@ -49,9 +51,10 @@ void add_springs(const YamlMap& yaml, const TetMesh& mesh, std::vector<NodeSprin
   const MeshGroup& group = named_group(yaml, "group", yaml.text("group"), mesh);
   const bool by_area = yaml.has("stiffness_per_area");
   if (by_area == yaml.has("stiffness"))
-    throw yaml.error("stiffness", "either stiffness (of each node, N/m) or stiffness_per_area (N/m³) is needed");
-  const double k = by_area ? yaml.number("stiffness_per_area", area_stiffness)
-                           : yaml.number("stiffness", node_stiffness);
+    throw yaml.error("stiffness",
+                     "either stiffness (of each node, N/m) or stiffness_per_area (N/m³) is needed");
+  const double k =
+      by_area ? yaml.number("stiffness_per_area", area_stiffness) : yaml.number("stiffness", node_stiffness);
   const Vec3 offset = yaml.vec3("rest_offset", Vec3::Zero());
   if (offset.norm() > farthest) throw yaml.error("rest_offset", "is farther than 100 m: it is in metres");
   const std::vector<double> area = by_area ? area_of_nodes(mesh, group) : std::vector<double>{};
@@ -65,8 +68,9 @@ void add_springs(const YamlMap& yaml, const TetMesh& mesh, std::vector<NodeSprin
     springs[n] = {stiffness, mesh.nodes[n] + offset};
   }
   if (!any)
-    throw yaml.error("group", "'" + group.name + "' has no face on the body's surface: say stiffness instead of "
-                              "stiffness_per_area");
+    throw yaml.error("group", "'" + group.name +
+                                  "' has no face on the body's surface: say stiffness instead of "
+                                  "stiffness_per_area");
 }
 
 // What a region does not say is the body's.
@@ -131,8 +135,9 @@ std::vector<TissueRegion> read_regions(const YamlMap& body, const TetMesh& mesh,
       yaml.only({"group", "young", "poisson", "density", "stretch"});
       const MeshGroup& group = named_group(yaml, "group", yaml.text("group"), mesh);
       if (group.tets.empty())
-        throw yaml.error("group", "'" + group.name + "' has no tetrahedra: a region is a physical volume of the "
-                                  "mesh (in VTK an integer array on the cells)");
+        throw yaml.error("group", "'" + group.name +
+                                      "' has no tetrahedra: a region is a physical volume of the "
+                                      "mesh (in VTK an integer array on the cells)");
       for (const int t : group.tets)
         if (taken[t]++)
           throw yaml.error("group", "'" + group.name + "' shares tetrahedron " + std::to_string(t + 1) +

@@ -62,12 +62,13 @@ Command add_reset(CLI::App& application) {
 }
 
 Command add_reload(CLI::App& application) {
-  return add(application, "reload",
-             "A running daemon reads its scene's file again, as at SIGHUP; a faulty file changes nothing.", 60,
-             ServerCommand::reload,
-             "Example: haptic reload --domain 7\n"
-             "Limits and scales are gone over to while they are felt. For any other change the simulation begins\n"
-             "again with the devices at zero meanwhile. What only a restart of the daemon can take is named.");
+  return add(
+      application, "reload",
+      "A running daemon reads its scene's file again, as at SIGHUP; a faulty file changes nothing.", 60,
+      ServerCommand::reload,
+      "Example: haptic reload --domain 7\n"
+      "Limits and scales are gone over to while they are felt. For any other change the simulation begins\n"
+      "again with the devices at zero meanwhile. What only a restart of the daemon can take is named.");
 }
 
 }  // namespace hapticd

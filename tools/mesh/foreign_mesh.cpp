@@ -45,18 +45,23 @@ class Converter {
   RawMesh read() {
     switch (format_) {
       case ForeignFormat::gmsh_1:
-      case ForeignFormat::gmsh_other: return by_gmsh_alone();
+      case ForeignFormat::gmsh_other:
+        return by_gmsh_alone();
       case ForeignFormat::vtu:
       case ForeignFormat::xdmf:
       case ForeignFormat::xml:
       case ForeignFormat::medit:
-      case ForeignFormat::abaqus: return result_of(by_meshio(file_, "mesh.vtk"));
-      case ForeignFormat::stl: return filled(file_);
+      case ForeignFormat::abaqus:
+        return result_of(by_meshio(file_, "mesh.vtk"));
+      case ForeignFormat::stl:
+        return filled(file_);
       case ForeignFormat::obj:
       case ForeignFormat::ply:
       case ForeignFormat::off:
-      case ForeignFormat::vtk_surface: return filled(by_meshio(file_, "surface.stl"));
-      default: throw fault(foreign_advice(format_));
+      case ForeignFormat::vtk_surface:
+        return filled(by_meshio(file_, "surface.stl"));
+      default:
+        throw fault(foreign_advice(format_));
     }
   }
 
@@ -67,8 +72,8 @@ class Converter {
 
   void require(const Program& program) const {
     if (!is_installed(program.name))
-      throw fault(name_of(format_) + ": " + program.name + " is needed to convert it, and is not installed: apt install " +
-                  program.package);
+      throw fault(name_of(format_) + ": " + program.name +
+                  " is needed to convert it, and is not installed: apt install " + program.package);
   }
 
   // What it said is empty where it made `output`.
@@ -83,14 +88,16 @@ class Converter {
       return "";
     }
     const std::string said = complaint_in(log);
-    return line + (code ? " ended with " + std::to_string(*code) : std::string(" took more than five minutes")) +
+    return line +
+           (code ? " ended with " + std::to_string(*code) : std::string(" took more than five minutes")) +
            (said.empty() ? "" : ": " + said);
   }
 
   fs::path by_meshio(const fs::path& from, const char* to) {
     require(meshio);
     const fs::path output = options_.folder / to;
-    if (const std::string wrong = run({meshio.name, "convert", from.string(), output.string()}, output); !wrong.empty())
+    if (const std::string wrong = run({meshio.name, "convert", from.string(), output.string()}, output);
+        !wrong.empty())
       throw fault(name_of(format_) + ": " + wrong);
     return output;
   }
@@ -112,27 +119,33 @@ class Converter {
       std::ofstream(script) << fill_script(surface);
       wrong = run({gmsh.name, "-3", script.string(), "-format", "msh22", "-o", output.string()}, output);
       if (wrong.empty() && has_tetrahedra(output)) return result_of(output);
-      if (wrong.empty()) wrong = "gmsh filled nothing: the surface is not closed, or crosses itself";
+      if (wrong.empty()) wrong = "gmsh made no tetrahedra";
     } else if (!is_installed(tetgen.name)) {
-      throw fault(name_of(format_) + ": gmsh or tetgen is needed to fill it with tetrahedra, and neither is installed: "
-                                     "apt install gmsh");
+      throw fault(name_of(format_) +
+                  ": gmsh or tetgen is needed to fill it with tetrahedra, and neither is installed: "
+                  "apt install gmsh");
     }
     if (!is_installed(tetgen.name))
-      throw fault(name_of(format_) + ": " + wrong + " (tetgen keeps the surface's own triangles: apt install tetgen)");
+      throw fault(name_of(format_) + ": " + wrong +
+                  " (tetgen keeps the surface's own triangles: apt install tetgen)");
     // It writes beside what it reads.
     const fs::path copy = options_.folder / "tetgen.stl", output = options_.folder / "tetgen.1.vtk";
     fs::copy_file(surface, copy, fs::copy_options::overwrite_existing);
     const std::string also = run({tetgen.name, "-pqkNEF", copy.string()}, output);
-    if (!also.empty()) throw fault(name_of(format_) + ": " + (wrong.empty() ? "" : wrong + "; and ") + also);
-    return result_of(output);
+    if (also.empty() && has_tetrahedra(output)) return result_of(output);
+    throw fault(name_of(format_) + " that nothing fills: it is not closed, or crosses itself (" +
+                (wrong.empty() ? "" : wrong + "; ") + (also.empty() ? "tetgen made no tetrahedra" : also) +
+                ")");
   }
 
   // Faces that meet at less than 40 degrees are one, and are meshed anew.
   std::string fill_script(const fs::path& surface) const {
-    const std::string edge = options_.edge > 0 ? std::to_string(options_.edge) : "General.BoundingBoxSize / 20";
+    const std::string edge =
+        options_.edge > 0 ? std::to_string(options_.edge) : "General.BoundingBoxSize / 20";
     return "Merge \"" + fs::absolute(surface).string() +
            "\";\n"
-           "h = " + edge +
+           "h = " +
+           edge +
            ";\n"
            "Mesh.MeshSizeMin = h / 2;\nMesh.MeshSizeMax = h;\nMesh.MeshSizeExtendFromBoundary = 1;\n"
            "Mesh.Optimize = 1;\nMesh.Binary = 0;\n"
@@ -156,8 +169,9 @@ class Converter {
     try {
       RawMesh mesh = read_raw_mesh(read_bytes(made), made);
       if (mesh.tets.empty())
-        throw fault(name_of(format_) + " without tetrahedra: it is a surface, or made of other cells (save its "
-                                       "surface as STL: that can be filled)");
+        throw fault(name_of(format_) +
+                    " without tetrahedra: it is a surface, or made of other cells (save its "
+                    "surface as STL: that can be filled)");
       mesh.file = file_;
       return mesh;
     } catch (const InputError& e) {

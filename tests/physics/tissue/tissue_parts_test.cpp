@@ -102,14 +102,16 @@ std::string method_name(const testing::TestParamInfo<ComplianceMethod>& method) 
   return names[static_cast<int>(method.param)];
 }
 INSTANTIATE_TEST_SUITE_P(, PartsWithEveryMethod,
-                         testing::Values(ComplianceMethod::exact, ComplianceMethod::zone, ComplianceMethod::lazy,
-                                         ComplianceMethod::updown, ComplianceMethod::dense),
+                         testing::Values(ComplianceMethod::exact, ComplianceMethod::zone,
+                                         ComplianceMethod::lazy, ComplianceMethod::updown,
+                                         ComplianceMethod::dense),
                          method_name);
 
 constexpr double length = 0.03, side = 0.006, area = side * side;
 
 TissueModel bar(std::span<const int> fixed) {
-  TissueModel model = make_tissue_model(box_mesh({length, side, side}, 9, 2, 2), {3000, 0, 1000}, fixed, Vec3::Zero());
+  TissueModel model =
+      make_tissue_model(box_mesh({length, side, side}, 9, 2, 2), {3000, 0, 1000}, fixed, Vec3::Zero());
   model.dynamic = false;
   return model;
 }
@@ -190,8 +192,7 @@ TEST(TissueParts, ABlockOnSpringsSinks) {
     const std::vector<Vec3> before = nodes;
     World world({settings}, ball(1e-3), world_settings);
     const auto problem = std::make_unique<CondensedProblem>();
-    for (int step = 0; step < 150; ++step)
-      world.step([] { return InstrumentSamples(nobody()); }, *problem);
+    for (int step = 0; step < 150; ++step) world.step([] { return InstrumentSamples(nobody()); }, *problem);
     double sunk = 0;
     for (std::size_t n = 0; n < before.size(); ++n)
       if (before[n].z() < 1e-9) sunk += (before[n].z() - world.bodies()[0].state.x[n].z()) / count;
@@ -204,7 +205,8 @@ TEST(TissueParts, WhatDoesNotExistIsRefused) {
   TissueModel model = oracle::box(2);
   EXPECT_THROW(set_region(model, {{model.tet_count()}, model.material, Vec3::Ones()}), std::invalid_argument);
   EXPECT_THROW(set_region(model, {{0}, model.material, Vec3(1, 0, 1)}), std::invalid_argument);
-  EXPECT_THROW(set_springs(model, std::vector<NodeSpring>(model.mesh.nodes.size() + 1)), std::invalid_argument);
+  EXPECT_THROW(set_springs(model, std::vector<NodeSpring>(model.mesh.nodes.size() + 1)),
+               std::invalid_argument);
 }
 
 }  // namespace

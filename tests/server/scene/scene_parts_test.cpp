@@ -50,7 +50,9 @@ class SceneParts : public SceneFile {
     mesh.groups.push_back(top);
     write_mesh_file(mesh, folder_ / "bar.msh");
   }
-  Scene with_body(const std::string& keys) { return read(with(sound_, "    material:\n", keys + "    material:\n")); }
+  Scene with_body(const std::string& keys) {
+    return read(with(sound_, "    material:\n", keys + "    material:\n"));
+  }
 
   // The forces of a tip that presses, step by step, in the axes of `seen`.
   static std::vector<Vec3> pressed(const Scene& scene, const Pose& seen, double scale) {
@@ -89,13 +91,14 @@ TEST_F(SceneParts, APlacedBodyPressesAsOneThatWasWrittenThere) {
   EXPECT_GT(peak, 1e-3);
   // Nor does it matter where it stands.
   const std::vector<Vec3> at_home = pressed(with_body("    scale: 1.5\n"), Pose{}, 1.5);
-  for (std::size_t i = 0; i < placed.size(); ++i) EXPECT_LT((placed[i] - at_home[i]).norm(), 1e-3 * peak) << i;
+  for (std::size_t i = 0; i < placed.size(); ++i)
+    EXPECT_LT((placed[i] - at_home[i]).norm(), 1e-3 * peak) << i;
 }
 
 TEST_F(SceneParts, PlacementsThatMakeNoSenseAreRefused) {
   const auto fault = [&](const std::string& key, const std::string& value, const std::string& words) {
-    expect_fault("    fixed: bottom\n", "    fixed: bottom\n    " + key + ": " + value + "\n", "bodies[0]." + key, words,
-                 11);
+    expect_fault("    fixed: bottom\n", "    fixed: bottom\n    " + key + ": " + value + "\n",
+                 "bodies[0]." + key, words, 11);
   };
   fault("scale", "0", "1: the mesh as it is");
   fault("scale", "-1", "mirrored");
@@ -114,16 +117,18 @@ TEST_F(SceneParts, ARegionHasAMaterialOfItsOwn) {
   EXPECT_EQ(region.material.density, 1000);
   EXPECT_EQ(region.stretch, Vec3(1.1, 1, 1));
   // The whole body's stretch is that of the rest.
-  const Scene all = with_body("    stretch: [1.2, 1.2, 1.2]\n    regions:\n      - {group: left, young: 9000}\n");
+  const Scene all =
+      with_body("    stretch: [1.2, 1.2, 1.2]\n    regions:\n      - {group: left, young: 9000}\n");
   ASSERT_EQ(all.bodies[0].regions.size(), 2u);
   EXPECT_EQ(all.bodies[0].regions[0].stretch, Vec3(1.2, 1.2, 1.2));
   EXPECT_EQ(all.bodies[0].regions[1].tets.size(), mesh.tets.size() - 48);
 }
 
 TEST_F(SceneParts, SpringsHoldByNodeOrByArea) {
-  const Scene scene = read(with(with(sound_, "    fixed: bottom\n", ""), "    material:\n",
-                                "    springs:\n      - {group: top, stiffness: 2, rest_offset: [0, 0, 1.0e-3]}\n"
-                                "      - {group: bottom, stiffness_per_area: 1.0e5}\n    material:\n"));
+  const Scene scene =
+      read(with(with(sound_, "    fixed: bottom\n", ""), "    material:\n",
+                "    springs:\n      - {group: top, stiffness: 2, rest_offset: [0, 0, 1.0e-3]}\n"
+                "      - {group: bottom, stiffness_per_area: 1.0e5}\n    material:\n"));
   const SceneBody& body = scene.bodies[0];
   EXPECT_TRUE(body.fixed_nodes.empty());
   double top = 0, bottom = 0;
@@ -141,20 +146,25 @@ TEST_F(SceneParts, SpringsHoldByNodeOrByArea) {
 }
 
 TEST_F(SceneParts, FaultsOfRegionsAndSpringsAreNamed) {
-  const auto fault = [&](const std::string& text, const std::string& key, const std::string& words, int line) {
+  const auto fault = [&](const std::string& text, const std::string& key, const std::string& words,
+                         int line) {
     expect_fault("    fixed: bottom\n", "    fixed: bottom\n" + text, key, words, line);
   };
-  fault("    regions:\n      - {group: right}\n", "bodies[0].regions[0].group", "its groups: left, bottom, top", 12);
+  fault("    regions:\n      - {group: right}\n", "bodies[0].regions[0].group",
+        "its groups: left, bottom, top", 12);
   fault("    regions:\n      - {group: top}\n", "bodies[0].regions[0].group", "no tetrahedra", 12);
   fault("    regions:\n      - {group: left}\n      - {group: left}\n", "bodies[0].regions[1].group",
         "another region", 13);
-  fault("    regions:\n      - {group: left, poisson: 0.5}\n", "bodies[0].regions[0].poisson", "below 0.5", 12);
+  fault("    regions:\n      - {group: left, poisson: 0.5}\n", "bodies[0].regions[0].poisson", "below 0.5",
+        12);
   fault("    stretch: [3, 1, 1]\n", "bodies[0].stretch", "between 0.5 and 2", 11);
   fault("    springs:\n      - {group: top}\n", "bodies[0].springs[0].stiffness", "stiffness_per_area", 12);
-  fault("    springs:\n      - {group: top, stiffness: -1}\n", "bodies[0].springs[0].stiffness", "above 0", 12);
+  fault("    springs:\n      - {group: top, stiffness: -1}\n", "bodies[0].springs[0].stiffness", "above 0",
+        12);
   fault("    springs:\n      - {group: top, stiffness: 1}\n      - {group: top, stiffness: 1}\n",
         "bodies[0].springs[1].group", "another entry", 13);
-  fault("    springs:\n      - {group: top, stiffness: 1}\n    motion: static\n", "bodies[0].motion", "springs", 13);
+  fault("    springs:\n      - {group: top, stiffness: 1}\n    motion: static\n", "bodies[0].motion",
+        "springs", 13);
   fault("    toughness: 100\n    max_new_nodes: 10\n    stretch: [1.1, 1, 1]\n", "bodies[0].toughness",
         "cannot be cut", 11);
 }

@@ -17,8 +17,8 @@ class ResetWatchdog : public Watchdog {
  protected:
   void serve() {
     fs::copy(SOURCE_DIR "/config/scenes/cube", folder_);
-    daemon_.emplace(ChildSettings{.command = {BIN_DIR "/hapticd", (folder_ / "cube.yaml").string(), "--domain",
-                                              std::to_string(domain_.id()), "--mode", GetParam()},
+    daemon_.emplace(ChildSettings{.command = {BIN_DIR "/hapticd", (folder_ / "cube.yaml").string(),
+                                              "--domain", std::to_string(domain_.id()), "--mode", GetParam()},
                                   .output = log_.file("daemon.log")});
     client_.emplace(participant_);
     ASSERT_TRUE(client_->await(patience_ms, [](const Force&) { return true; })) << "no force came";
@@ -67,7 +67,8 @@ TEST_P(ResetWatchdog, AResetPassesThroughZeroWithinTheSlewLimitAndPressesAgain) 
   EXPECT_TRUE(reply.heard && reply.done) << reply.message;
   EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(2));  // discovery included
   EXPECT_LT(std::stoi(reply.message.substr(reply.message.find("after ") + 6)), 1000) << reply.message;
-  ASSERT_TRUE(client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+  ASSERT_TRUE(
+      client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   const double after = resting();
   EXPECT_NEAR(after, before, 0.1 * before);
   expect_zero_between(from - 1);
@@ -91,12 +92,14 @@ TEST_P(ResetWatchdog, AReloadedSceneIsFeltAndAFaultyOneChangesNothing) {
   reply = ask(ServerCommand::reload);
   EXPECT_TRUE(reply.done) << reply.message;
   EXPECT_NE(reply.message.find("1 anew"), std::string::npos) << reply.message;
-  ASSERT_TRUE(client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+  ASSERT_TRUE(
+      client_->await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
   EXPECT_GT(resting(), 1.5 * before);  // the coupling gives way as well
   expect_zero_between(from - 1);
 }
 
-INSTANTIATE_TEST_SUITE_P(, ResetWatchdog, testing::Values("tick", "event"), [](const auto& mode) { return std::string(mode.param); });
+INSTANTIATE_TEST_SUITE_P(, ResetWatchdog, testing::Values("tick", "event"),
+                         [](const auto& mode) { return std::string(mode.param); });
 
 }  // namespace
 }  // namespace hapticd::watchdog
