@@ -30,11 +30,20 @@ static class Press {
     public double fx, fy, fz, tx, ty, tz;
     public int answered, result;
   }
+  [StructLayout(LayoutKind.Sequential)]
+  struct State {
+    public uint size;
+    public int result;
+    public ulong sent, answered, silences, strangeForces;
+    public double longestSilenceMs;
+    public int realtime, reserved;
+  }
   const string Library = "libhaptic_client.so.0";
   const int NoDaemon = -1;
   [DllImport(Library)] static extern int haptic_open(ref Options options, out IntPtr client, ref Error error);
   [DllImport(Library)] static extern int haptic_next_slot(IntPtr client);
   [DllImport(Library)] static extern int haptic_exchange(IntPtr client, ref Pose pose, ref Force force);
+  [DllImport(Library)] static extern int haptic_get_state(IntPtr client, ref State state);
   [DllImport(Library)] static extern void haptic_explain(IntPtr client, int result, StringBuilder text, UIntPtr size);
   [DllImport(Library)] static extern int haptic_close(IntPtr client);
 
@@ -49,18 +58,21 @@ static class Press {
     }
     var pose = new Pose { size = (uint)Marshal.SizeOf(typeof(Pose)), qw = 1, enable = 1 };
     var force = new Force { size = (uint)Marshal.SizeOf(typeof(Force)) };
+    var before = new State { size = (uint)Marshal.SizeOf(typeof(State)) };
+    var after = before;
     double peak = 0;
-    int slots = -1000, answered = 0;  // a second to be armed and to reach the cube, then ten that count
+    int slots = -1000;  // a second to be armed and to reach the cube, then ten that count
     for (; slots < 10000; ++slots) {
+      if (slots == 0) haptic_get_state(client, ref before);
       haptic_next_slot(client);
       pose.z = slots < 0 ? 0.0215 - 8.5e-6 * slots : 0.0215;
       if (haptic_exchange(client, ref pose, ref force) == NoDaemon) break;
       peak = Math.Max(peak, force.fz);
-      if (slots >= 0) answered += force.answered;
     }
+    haptic_get_state(client, ref after);
     var text = new StringBuilder(1024);
     haptic_explain(client, force.result, text, (UIntPtr)text.Capacity);
-    Console.WriteLine("{0} slots, {1} answered, peak force {2:F4} N: {3}", slots, answered, peak, text);
+    Console.WriteLine("{0} slots, {1} answered, peak force {2:F4} N: {3}", slots, after.answered - before.answered, peak, text);
     haptic_close(client);
     return slots == 10000 ? 0 : 1;
   }

@@ -98,7 +98,8 @@ void Exchange::next_slot() noexcept {
     return;
   }
   next_ns_ += phase_.take_shift_ns(state_.number + 1);
-  next_ns_ += period_ns * (1 + std::max<std::int64_t>(0, (now - next_ns_) / period_ns));
+  // What is late by less than a period is sent at once; whole periods are left out.
+  next_ns_ += period_ns * std::max<std::int64_t>(1, (now - next_ns_) / period_ns);
   const timespec t{next_ns_ / 1'000'000'000, next_ns_ % 1'000'000'000};
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) continue;
 }

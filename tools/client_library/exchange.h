@@ -48,7 +48,7 @@ class Exchange {
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
 
-  // Sleeps until the next slot of the grid; one that is late goes on where the grid would have been.
+  // Sleeps until the next slot of the grid; one that is late by less than one is sent at once.
   void next_slot() noexcept;
 
   // felt(Feel) is called for what the device may feel, once at least. An answer to the state before may come

@@ -106,7 +106,7 @@ typedef struct haptic_callbacks {
 /* Makes a client; says nothing to the daemon yet. error may be NULL. *client is NULL unless HAPTIC_OK. */
 haptic_result haptic_open(const haptic_options* options, haptic_client** client, haptic_error* error);
 
-/* Sleeps until the next millisecond of the client's own grid, which keeps half a period before the daemon's tick. */
+/* Sleeps until the next millisecond of the client's own grid, which keeps a little before the daemon's tick. */
 haptic_result haptic_next_slot(haptic_client* client);
 
 /* Sends the pose and awaits its answer, for 0.9 ms at most. force is always filled in. */

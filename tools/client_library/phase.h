@@ -1,4 +1,4 @@
-// How a client finds its phase against the daemon's tick: states should leave half a period before it.
+// How a client finds its phase against the daemon's tick: how long before it states should leave.
 //
 // The ages that the daemon reports (tick − arrival, [µs]) are points on a circle of one period: an age of
 // 0.02 ms and one of 0.98 ms are neighbours, and that neighbourhood is just where a state is taken twice or
@@ -12,10 +12,10 @@
 
 namespace hapticd {
 
-// How far a client should move its slots. A positive shift sends later, hence fresher. Result in (−period/2,
-// period/2]; 0 when there are no ages.
+// How far a client should move its slots, for states that are `wanted_us` old when they are taken. A positive
+// shift sends later, hence fresher. Result in (−period/2, period/2]; 0 when there are no ages.
 template <typename Ages>
-double phase_shift_us(const Ages& ages_us, double period_us = 1000) noexcept {
+double phase_shift_us(const Ages& ages_us, double period_us = 1000, double wanted_us = 500) noexcept {
   double s = 0, c = 0;
   const double turn = 2 * std::numbers::pi / period_us;
   for (const double age : ages_us) {
@@ -24,11 +24,13 @@ double phase_shift_us(const Ages& ages_us, double period_us = 1000) noexcept {
   }
   if (s == 0 && c == 0) return 0;
   const double age = std::atan2(s, c) / turn;  // in (−period/2, period/2]
-  const double shift = age - 0.5 * period_us;  // an older state than wanted: send later
+  const double shift = age - wanted_us;        // an older state than wanted: send later
   return shift <= -0.5 * period_us ? shift + period_us : shift;
 }
 
-// Shifts the grid while the device is being armed, in at most three rounds, and never while force is felt.
+// A client that awaits its answer within the slot leaves as much for that as for a late state: an answer
+// takes 0.2 ms from the tick. Shifts the grid while the device is being armed, in at most three rounds, never
+// while force is felt.
 class PhaseLock {
  public:
   // A force that answers state `number` for the first time.
@@ -42,7 +44,7 @@ class PhaseLock {
   // What the grid is to be moved by before state `next_number` is sent; never negative.
   std::int64_t take_shift_ns(std::uint64_t next_number) noexcept {
     if (count_ < ages_.size()) return 0;
-    const double shift = phase_shift_us(ages_);
+    const double shift = phase_shift_us(ages_, period_us, wanted_us);
     count_ = 0;
     since_ = next_number + 5;
     if (std::abs(shift) < tolerance_us) {
@@ -50,12 +52,12 @@ class PhaseLock {
       return 0;
     }
     ++rounds_;
-    return std::llround(1e3 * (shift < 0 ? shift + 1000 : shift));
+    return std::llround(1e3 * (shift < 0 ? shift + period_us : shift));
   }
 
  private:
   static constexpr int most_rounds = 3;
-  static constexpr double tolerance_us = 150;
+  static constexpr double period_us = 1000, wanted_us = 450, tolerance_us = 75;
 
   std::array<double, 40> ages_{};  // three rounds of them while a daemon arms (150 ms)
   std::size_t count_ = 0;

@@ -136,8 +136,7 @@ class Device {
   }
 
   py::dict state() {
-    haptic_state s = HAPTIC_STATE_INIT;
-    check(haptic_get_state(open(), &s));
+    const haptic_state s = counts();
     py::dict out;
     out["result"] = s.result;
     out["meaning"] = explained(static_cast<haptic_result>(s.result));
@@ -163,8 +162,10 @@ class Device {
     for (py::ssize_t i = 0; i < n; ++i)
       poses.push_back(pose_of(motion.data(i, 0), columns, buttons.size() ? buttons.data()[i] : 0, true));
     Motion played(std::move(poses));
-    run(played, arm_timeout);
-    return told(played);
+    const double of_sent = run(played, arm_timeout);
+    py::dict out = told(played);
+    out["answered_of_sent"] = of_sent;
+    return out;
   }
 
  private:
@@ -182,7 +183,14 @@ class Device {
   }
   static py::array_t<double> array(const double (&v)[3]) { return py::array_t<double>(3, v); }
 
-  void run(Motion& motion, double arm_timeout) {
+  haptic_state counts() const {
+    haptic_state s = HAPTIC_STATE_INIT;
+    check(haptic_get_state(open(), &s));
+    return s;
+  }
+
+  // Returns the share of the motion's states that were answered, late ones too.
+  double run(Motion& motion, double arm_timeout) {
     haptic_callbacks callbacks = HAPTIC_CALLBACKS_INIT;
     callbacks.read = &Motion::read;
     callbacks.write = &Motion::write;
@@ -190,6 +198,7 @@ class Device {
     check(haptic_stop(open()));
     check(haptic_start(client_, &callbacks));
     bool interrupted = false, failed = false;
+    haptic_state before = counts();   // of the motion itself, but for some milliseconds
     std::int64_t fine_ns = now_ns();  // of the motion the newest good answer; before it, of its preparation
     while (!motion.done() && !interrupted && !failed) {
       {
@@ -197,10 +206,12 @@ class Device {
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
       }
       interrupted = PyErr_CheckSignals() != 0;
+      if (!motion.begun()) before = counts();
       if (motion.result() == HAPTIC_CONNECTING || (motion.begun() && motion.result() == HAPTIC_OK))
         fine_ns = now_ns();
       failed = static_cast<double>(now_ns() - fine_ns) > 1e9 * arm_timeout;
     }
+    const haptic_state after = counts();
     const auto result = static_cast<haptic_result>(motion.result());  // before the thread's end is one
     {
       const py::gil_scoped_release released;
@@ -208,7 +219,9 @@ class Device {
     }
     if (interrupted) throw py::error_already_set();
     check(haptic_start(client_, nullptr));
-    if (!failed) return;
+    if (!failed)
+      return static_cast<double>(after.answered - before.answered) /
+             static_cast<double>(std::max<std::uint64_t>(1, after.sent - before.sent));
     check(result);
     throw Error(
         "the daemon answers, but renders no force for this device: is that the scene's device_id, and may it "
@@ -219,7 +232,7 @@ class Device {
     const auto n = static_cast<py::ssize_t>(motion.poses().size());
     py::array_t<double> force({n, py::ssize_t{3}}), torque({n, py::ssize_t{3}});
     py::array_t<std::uint32_t> status(n);
-    py::array_t<bool> sent(n), answered(n);
+    py::array_t<bool> sent(n), on_time(n);
     for (py::ssize_t k = 0; k < n; ++k) {
       const haptic_force& f = motion.force(static_cast<std::size_t>(k));
       for (py::ssize_t i = 0; i < 3; ++i) {
@@ -228,14 +241,14 @@ class Device {
       }
       status.mutable_at(k) = f.status;
       sent.mutable_at(k) = motion.sent(static_cast<std::size_t>(k));
-      answered.mutable_at(k) = f.answered != 0;
+      on_time.mutable_at(k) = f.answered != 0;
     }
     py::dict out;
     out["force"] = force;
     out["torque"] = torque;
     out["status"] = status;
     out["sent"] = sent;
-    out["answered"] = answered;
+    out["on_time"] = on_time;
     return out;
   }
 

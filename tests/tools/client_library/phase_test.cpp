@@ -8,18 +8,19 @@
 namespace hapticd {
 namespace {
 
-// Shifting by the result brings any phase to half a period, seen through noise and across the wrap.
-TEST(Phase, ThePhaseShiftLeadsToHalfAPeriod) {
+// Shifting by the result brings any phase to the one that is wanted, seen through noise and across the wrap.
+TEST(Phase, ThePhaseShiftLeadsToTheWantedAge) {
   std::mt19937 random(5);
   std::normal_distribution<double> noise(0, 40);
   for (double phase = 0; phase < 1000; phase += 25) {
     std::vector<double> ages;
     for (int i = 0; i < 200; ++i) ages.push_back(std::fmod(phase + noise(random) + 2000, 1000));
-    const double shift = phase_shift_us(ages);
-    EXPECT_GT(shift, -500.001);
-    EXPECT_LE(shift, 500);
-    const double after = std::fmod(phase - shift + 2000, 1000);
-    EXPECT_NEAR(after, 500, 15) << phase;
+    for (const double wanted : {450.0, 500.0}) {
+      const double shift = phase_shift_us(ages, 1000, wanted);
+      EXPECT_GT(shift, -500.001);
+      EXPECT_LE(shift, 500);
+      EXPECT_NEAR(std::fmod(phase - shift + 2000, 1000), wanted, 15) << phase;
+    }
   }
   EXPECT_EQ(phase_shift_us(std::vector<double>{}), 0);
 }
@@ -41,13 +42,13 @@ TEST(Phase, OnceWhileArmingTheGridIsShiftedAndThenKept) {
     }
   };
   run(300, true);
-  EXPECT_NEAR(age, 500, 1);
-  EXPECT_NEAR(static_cast<double>(shifted), 520e3, 1e3);
+  EXPECT_NEAR(age, 450, 1);
+  EXPECT_NEAR(static_cast<double>(shifted), 570e3, 1e3);
   age = 20;
   run(300, false);
   EXPECT_EQ(age, 20);  // while force is felt nothing moves
   run(300, true);      // another daemon has another tick
-  EXPECT_NEAR(age, 500, 1);
+  EXPECT_NEAR(age, 450, 1);
 }
 
 }  // namespace

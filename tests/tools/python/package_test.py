@@ -107,7 +107,7 @@ class Devices(unittest.TestCase):
         with Daemon(), hapticd.Device("touch", domain=DOMAIN) as device:
             played = device.play(press(9000))
             state = device.state
-        print(f"{len(played.sent)} slots, {played.sent.sum()} sent, {played.answered.sum()} answered; state {state}")
+        print(f"{len(played.sent)} slots, {played.sent.sum()} sent, {played.on_time.sum()} answered on time, {100 * played.answered_share:.2f} % at all; state {state}")
         self.assertGreater(played.answered_share, 0.9 if REALTIME else 0.5)
         offline = hapticd.run("cube", press(1000))
         self.assertAlmostEqual(played.force[-1, 2], offline.force[-1, 2], delta=0.02 * offline.force[-1, 2])

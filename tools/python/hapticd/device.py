@@ -15,11 +15,13 @@ class Played:
     torque: np.ndarray  # n × 3 [N·m]
     status: np.ndarray  # n, bits of idl/README.md; 0: all well
     sent: np.ndarray  # n, False for a slot that the machine slept through
-    answered: np.ndarray  # n, within its own millisecond
+    on_time: np.ndarray  # n, answered within its own millisecond: `force` is that answer, else the newest before
+    answered_of_sent: float  # share of the states that were answered, late ones too
 
     @property
     def answered_share(self):
-        return float(self.answered.mean())
+        """Of all rows."""
+        return self.answered_of_sent * float(self.sent.mean())
 
 
 class Device:
