@@ -18,12 +18,17 @@ install(CODE "execute_process(COMMAND python3 ${HERE}/documents.py ${PROJECT_SOU
         COMPONENT runtime)
 install(DIRECTORY ${DOCUMENTS}/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/hapticd COMPONENT runtime)
 # As Debian wants one of each package; what changed is in CHANGELOG.md.
+# Who makes the packages says so as for any Debian package.
+set(MAINTAINER "hapticd developers <hapticd@localhost>")
+if(DEFINED ENV{DEBEMAIL})
+  set(MAINTAINER "hapticd developers <$ENV{DEBEMAIL}>")
+endif()
 string(TIMESTAMP NOW "%a, %d %b %Y %H:%M:%S +0000" UTC)
 file(WRITE ${CMAKE_BINARY_DIR}/debian_changelog "hapticd (${PROJECT_VERSION}) unstable; urgency=medium
 
   * See CHANGELOG.md in /usr/share/doc/hapticd.
 
- -- hapticd developers <hapticd@localhost>  ${NOW}
+ -- ${MAINTAINER}  ${NOW}
 ")
 execute_process(COMMAND gzip -9nc ${CMAKE_BINARY_DIR}/debian_changelog OUTPUT_FILE ${CMAKE_BINARY_DIR}/changelog.gz
                 COMMAND_ERROR_IS_FATAL ANY)
@@ -125,7 +130,7 @@ install(FILES ${CMAKE_BINARY_DIR}/hapticdConfig.cmake ${CMAKE_BINARY_DIR}/haptic
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME hapticd)
 set(CPACK_PACKAGE_VENDOR hapticd)
-set(CPACK_PACKAGE_CONTACT "hapticd developers <hapticd@localhost>")
+set(CPACK_PACKAGE_CONTACT "${MAINTAINER}")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_COMPONENTS_ALL runtime client development)
 if(TARGET hapticd_client_module)
@@ -147,11 +152,13 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_CONTROL_EXTRA "${HERE}/postinst;${HERE}/prerm;$
 set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME libhaptic-client0)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_CLIENT_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_CLIENT_PACKAGE_CONTROL_EXTRA "${HERE}/triggers")
 set(CPACK_DEBIAN_CLIENT_PACKAGE_DEPENDS "hapticd (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-hapticd)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_BINARY_DIR}/lib)  # libhaptic_client
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "libhaptic-client0 (= ${PROJECT_VERSION}), python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS python3-matplotlib)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libhapticd-dev)
