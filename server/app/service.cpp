@@ -92,7 +92,7 @@ void Service::run() {
     if (number == SIGHUP && info.si_code == SI_KERNEL) return;
     if (number == SIGHUP) reload();
     if (options_.test_hooks) test_hook(info);
-    answer_commands();
+    answer_command();
     const std::int64_t now = monotonic_ns();
     if (pings_.due(now, counts())) notifier_.ping();
     look(now);
@@ -133,9 +133,10 @@ void Service::look(std::int64_t now_ns) {
   }
 }
 
-void Service::answer_commands() {
+// One a turn: who asks without end does not keep a signal from being answered.
+void Service::answer_command() {
   CommandPort* port = daemon_.commands();
-  while (const std::optional<AskedCommand> asked = port ? port->take() : std::nullopt) {
+  if (const std::optional<AskedCommand> asked = port ? port->take() : std::nullopt) {
     const Outcome outcome = asked->command == ServerCommand::reset ? reset() : reload();
     port->reply(asked->asker, outcome.done, outcome.message);
   }

@@ -46,7 +46,7 @@ class Service {
   };
   Outcome reset();
   Outcome reload();
-  void answer_commands();
+  void answer_command();
   void look(std::int64_t now_ns);
   void test_hook(const siginfo_t& info);
   LoopCounts counts() const;

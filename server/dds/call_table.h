@@ -3,7 +3,7 @@
 // A program that defines `recvmsg` is asked by every library before libc is. A library that somebody opens is
 // not, so the entry for it in the other library's table of calls (ELF relocations by name) is written over,
 // once, for as long as the process lives. Every user of that library in the process then calls `to`. Thread
-// safety: one at a time, before the calls begin. Errors: false where the library is not loaded or its table
+// safety: one at a time, before the calls begin. Errors: null where the library is not loaded or its table
 // has no such entry.
 #pragma once
 

@@ -98,6 +98,20 @@ TEST_P(ResetWatchdog, AReloadedSceneIsFeltAndAFaultyOneChangesNothing) {
   expect_zero_between(from - 1);
 }
 
+TEST_P(ResetWatchdog, WhoAsksWithoutEndDoesNotKeepTheDaemonFromItsEnd) {
+  serve();
+  std::jthread asks([this](const std::stop_token& stop) {
+    Writer<hapticd_msg_ServerCommand> commands(participant_);
+    for (hapticd_msg_ServerCommand m{}; !stop.stop_requested(); ++m.asker) {
+      commands.write(m);
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+  });
+  std::this_thread::sleep_for(std::chrono::seconds(2));  // discovery, and some resets
+  daemon_->signal(SIGTERM);
+  EXPECT_EQ(daemon_->wait(5), 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(, ResetWatchdog, testing::Values("tick", "event"),
                          [](const auto& mode) { return std::string(mode.param); });
 
