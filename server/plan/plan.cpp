@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <limits>
 
 #include <nlohmann/json.hpp>
 
 #include "physics/compliance/compliance.h"
 #include "physics/tissue/surface.h"
+#include "server/files/format.h"
 #include "server/plan/model_trial.h"
 #include "server/scene/scene_bodies.h"
 #include "server/scene/plausibility.h"
@@ -31,15 +30,6 @@ constexpr double longest_stroke = 1.2, shortest_stroke = 0.2;  // [s]
 constexpr std::size_t largest_exact = 2500;                    // nodes of a body; beyond, a step misses 50 Hz
 constexpr std::size_t least_zone = 600;  // below, a factor costs less than a zone's solves
 constexpr int probed_nodes = 24;         // of a body's surface, for its compliance
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* text, ...) {
-  char line[512];
-  va_list values;
-  va_start(values, text);
-  std::vsnprintf(line, sizeof line, text, values);
-  va_end(values);
-  return line;
-}
 
 bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
 

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numbers>
 
 #include "physics/tissue/mesh_quality.h"
 #include "physics/tissue/surface.h"
+#include "server/files/format.h"
 
 namespace hapticd {
 namespace {
@@ -16,15 +15,6 @@ constexpr double softest = 50, stiffest = 1e7;    // [Pa]
 constexpr double smallest = 1e-3, largest = 1;    // [m]
 constexpr double reach_in_alarm_distances = 1.6;  // of a zone (simulation/world.cpp)
 constexpr double least_coupling = 3;              // times the contact's stiffness
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* text, ...) {
-  char line[512];
-  va_list values;
-  va_start(values, text);
-  std::vsnprintf(line, sizeof line, text, values);
-  va_end(values);
-  return line;
-}
 
 // 0: the tip has none.
 double tip_radius(const SceneInstrument& held) {

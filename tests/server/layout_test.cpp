@@ -80,7 +80,7 @@ const std::map<std::string, std::vector<std::string>> rooms = {
     {"server/scene", {"files", "mesh", "record"}},
     {"server/observe", {"dds", "os", "record", "scene"}},
     {"server/schedule", {"files", "observe", "os", "scene"}},
-    {"server/plan", {"record", "scene", "schedule"}},
+    {"server/plan", {"files", "record", "scene", "schedule"}},
     {"server/app", {"dds", "files", "observe", "os", "plan", "record", "scene", "schedule"}},
     {"tools/cli", {}},
     {"tools/client_library", {}},

@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <set>
 #include <vector>
 
 #include <yaml-cpp/yaml.h>
 
 #include "physics/contact/cutting/edge_sample.h"
+#include "server/files/format.h"
 
 namespace hapticd {
 namespace {
@@ -22,15 +21,6 @@ constexpr double lowest_part = 0.1;
 constexpr double blade_radii = 2.5, samples_per_edge = 3,
                  nodes_per_cut = 4;  // … nodes per area of an edge squared
 constexpr double most_fixed = 0.5;   // of the boundary's nodes: a group that holds more is not a support
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* text, ...) {
-  char line[512];
-  va_list arguments;
-  va_start(arguments, text);
-  std::vsnprintf(line, sizeof line, text, arguments);
-  va_end(arguments);
-  return line;
-}
 
 bool names_a_support(std::string name) {
   for (char& c : name) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
