@@ -1,12 +1,14 @@
 // What a hand will feel of the tissue, from the forces along a plan's stroke.
 //
-//   peak       max ‖f‖                     stiffness   peak / ‖x_peak − x_touch‖
+//   peak       max ‖f‖                     stiffness   cov(d, g) / var(d)
 //
-// x_touch: where the force first was a hundredth of the peak. Of tissue and coupling together, as the hand
-// meets them. Units: N and N/m in the scene; at the device times force_scale, and position_scale ·
-// force_scale.
+// d = −n·x and g = n·f, with n the direction of the largest force, over the samples that touch: what a
+// millimetre more of depth adds. Nothing where the depth explains less than half of how the force varies (a
+// stroke along the surface, tissue that goes meanwhile). Of tissue and coupling together, as the hand meets
+// them. Units: N and N/m in the scene; at the device times force_scale, and position_scale · force_scale.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "server/plan/model_trial.h"
@@ -14,8 +16,8 @@
 namespace hapticd {
 
 struct Felt {
-  double peak = 0;       // [N]; 0: the stroke touches nothing
-  double stiffness = 0;  // [N/m]
+  double peak = 0;                  // [N]; 0: the stroke touches nothing
+  std::optional<double> stiffness;  // [N/m]
 };
 
 // every_ms: of the run's forces.

@@ -330,7 +330,8 @@ nlohmann::ordered_json to_json(const Plan& plan) {
   json["cost_ms"] = plan.cost_ms;
   json["error_estimate"] = plan.error_estimate;
   json["seconds"] = plan.seconds;
-  json["felt"] = {{"peak_n", plan.felt.peak}, {"stiffness_n_per_m", plan.felt.stiffness}};  // in the scene
+  json["felt"] = {{"peak_n", plan.felt.peak}, {"stiffness_n_per_m", nullptr}};  // in the scene
+  if (plan.felt.stiffness) json["felt"]["stiffness_n_per_m"] = *plan.felt.stiffness;
   json["doubts"] = doubts(plan.scene);
   json["plan"] = nlohmann::ordered_json::array();
   for (const PlanLine& line : plan.lines)

@@ -314,7 +314,7 @@ Command add_replay(CLI::App& application) {
   add_session_options(*app, options->session);
   app->footer(
       "Positions are in the device's frame, as recorded, unless --centre, --scale or --from-scene map them.\n"
-      "Example: haptic replay ../shared/data/trajectories/cataract_training_01.csv --json figures.json\n"
+      "Example: haptic replay recording.csv --centre --json figures.json\n"
       "Example: haptic replay sculpt.csv hold.csv --forces forces.csv   (and forces.NAME.csv of the second)\n"
       "Example: haptic replay recording --offline --scene scene.yaml --forces forces.csv\n"
       "Example: haptic replay --offline --scene two_hands.yaml --forces forces.csv   (its own motions)");

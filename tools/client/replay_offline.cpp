@@ -9,6 +9,7 @@
 #include "server/files/output_file.h"
 #include "server/observe/operation.h"
 #include "server/record/device_bag.h"
+#include "tools/client/dropped_contacts.h"
 #include "tools/client/force_row.h"
 #include "tools/client/offline_replay.h"
 #include "tools/record/vtk_series.h"
@@ -126,6 +127,7 @@ class DeviceTrace {
     peak_ = std::max(peak_, f.force.norm());
     penetration_ = std::max(penetration_, f.penetration);
     in_contact_ += f.active > 0;
+    dropped_.note(f.contacts, f.dropped);
     not_finite_ += (f.status & status_not_finite) != 0;
     capped_ += (f.status & status_solver_cap) != 0;
     status_ |= f.status;
@@ -148,6 +150,7 @@ class DeviceTrace {
     json["not_finite"] = not_finite_;
     json["states_refused"] = refused_.count();
     json["solver_caps"] = capped_;
+    json["contacts_dropped"] = dropped_.to_json();
     json["status_seen"] = status_;
     json["status_seen_text"] = status_text(status_);
   }
@@ -158,6 +161,7 @@ class DeviceTrace {
   std::uint32_t status() const { return status_; }
   std::int64_t not_finite() const { return not_finite_; }
   const Refusals& refused() const { return refused_; }
+  const DroppedContacts& dropped() const { return dropped_; }
   std::size_t recorded() const { return bag_ ? bag_->bag().kept() : 0; }
 
  private:
@@ -169,6 +173,7 @@ class DeviceTrace {
   Refusals refused_;
   double peak_ = 0, penetration_ = 0;
   std::int64_t in_contact_ = 0, not_finite_ = 0, capped_ = 0;
+  DroppedContacts dropped_;
   std::uint32_t status_ = 0;
 };
 
@@ -178,6 +183,7 @@ std::string whose(const DeviceTrace& trace, bool several) {
 
 void tabulate_status(const DeviceTrace& trace, const std::string& whose, const OfflineOutputs& outputs,
                      Table& table) {
+  trace.dropped().tabulate(table, whose);
   table.emplace_back(whose + "status bits seen", status_text(trace.status()));
   if (trace.refused().count() == 0) return;
   table.emplace_back(whose + "states refused", trace.refused().text());

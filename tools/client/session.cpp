@@ -11,6 +11,7 @@
 #include "server/files/output_file.h"
 #include "tools/cli/command.h"
 #include "tools/cli/progress.h"
+#include "tools/client/dropped_contacts.h"
 #include "tools/client/force_row.h"
 
 namespace hapticd {
@@ -156,6 +157,7 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   const SlotBook& book = client.book();
   double peak = 0, penetration = 0, energy = 0;
   std::int64_t in_contact = 0;
+  DroppedContacts dropped;
   std::vector<double> age, wake, solve;
   for_each_answer(client, [&](std::int64_t, const hapticd_msg_ForceCommand& m) {
     const double force = force_of(m).norm();
@@ -163,6 +165,7 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
     penetration = std::max(penetration, static_cast<double>(m.penetration_um));
     energy = std::min(energy, static_cast<double>(m.energy));
     in_contact += force > contact_force;
+    dropped.note(m.contacts, m.dropped);
     age.push_back(m.state_age_us);
     wake.push_back(m.wake_us);
     solve.push_back(m.solve_us);
@@ -195,6 +198,7 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   json["penetration_max_um"] = penetration;
   json["energy_observed_min_j"] = energy;  // by the daemon, in the force messages
   json["contact_share"] = rounded(share(in_contact, book.answered()), 5);
+  json["contacts_dropped"] = dropped.to_json();
   json["status_seen"] = client.status_seen();
   json["status_seen_text"] = status_text(client.status_seen());
   json["second_daemon"] = client.second_daemon();
@@ -217,6 +221,7 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   table.emplace_back("state age at the tick", to_text(quantiles(age), "µs"));
   table.emplace_back("force, peak", fixed(peak, 4) + " N");
   table.emplace_back("in contact", fixed(100 * share(in_contact, book.answered()), 1) + " % of the answers");
+  dropped.tabulate(table);
   table.emplace_back("elements removed", std::to_string(status.elements_removed));
   table.emplace_back("fragments aspirated", std::to_string(status.fragments_aspirated));
   table.emplace_back("status bits seen", status_text(client.status_seen()));

@@ -99,7 +99,7 @@ def force_details(data):
         parts.append(f"<h3>{text(run['trajectory'])}{text(removals)}</h3><p>{run['seconds']} s; {state}. "
                      f"The reference itself took {run['reference_cpu_s']} s of processor time.</p>")
         in_space = any("space_rms_rel" in p for p in points)
-        head = ["", "CPU, ms/s", "haptic p99, µs", "RMS error, % of peak", "largest, %", "jump at swaps p95, %",
+        head = ["", "CPU, ms/s", "haptic p99, µs", "peak, N", "RMS error, % of peak", "largest, %", "jump at swaps p95, %",
                 "buzz, mN", "onset, ms", "overlap, µm", "memory, MB"]
         head += ["felt RMS, %", "felt largest, %"] if run["removals"] else []
         head += ["mesh error, %", "mesh and time, %"] if in_space else []
@@ -107,7 +107,7 @@ def force_details(data):
         for p in sorted(points, key=lambda p: p["cpu_ms_per_s"]):
             kind = ("chosen" if p["label"] == data["default"] else "" if p["reference_converged"] else "void")
             row = [p["label"] + (" ◂ front" if p["pareto"] else ""), f"{p['cpu_ms_per_s']:.0f}",
-                   f"{p['haptic_us_p99']:.0f}", percent(p["force_rms_rel"]), percent(p["force_max_rel"], 1),
+                   f"{p['haptic_us_p99']:.0f}", f"{p['force_peak_n']:.3g}", percent(p["force_rms_rel"]), percent(p["force_max_rel"], 1),
                    percent(p["swap_jump_p95_rel"]), f"{1e3 * p['buzz_rms_n']:.4f}", f"{p['onset_ms']:.0f}",
                    f"{p['penetration_um']:.2f}", f"{p['memory_mb']:.1f}"]
             if run["removals"]:

@@ -1,15 +1,13 @@
-// How far a ratio of percentiles strays by which slices of a run there happened to be.
+// How far a figure strays by which blocks of a run there happened to be: Efron's bootstrap, of whole blocks,
+// since what a host takes comes in bursts, and of ours and the public tool's together, since it takes it of
+// both.
 //
-//   the middle nine tenths of P(ours*) / P(theirs*); ours*, theirs*: as many slices, drawn with replacement
-//
-// (Efron's percentile bootstrap; of whole slices, since what a host takes comes in bursts.) The draws are the
-// same each time. Errors: none; nothing where a side has fewer than two slices, or every draw of theirs is 0.
+// The draws are the same each time. Errors: none; no draw of fewer than two blocks.
 #pragma once
 
 #include <optional>
+#include <random>
 #include <vector>
-
-#include "tools/soak/tally.h"
 
 namespace hapticd {
 
@@ -17,7 +15,19 @@ struct Interval {
   double low = 0, high = 0;
 };
 
-std::optional<Interval> bootstrap_ratio(const std::vector<Tally>& ours, const std::vector<Tally>& theirs,
-                                        double percent);
+// The middle nine tenths; nothing of no value.
+std::optional<Interval> middle_nine_tenths(std::vector<double> values);
+
+// Calls `use` with `draws` sums of as many blocks as there are, drawn with replacement.
+template <typename Block, typename Use>
+void redraw(const std::vector<Block>& blocks, int draws, Use&& use) {
+  if (blocks.size() < 2) return;
+  std::mt19937_64 random(1);
+  for (int i = 0; i < draws; ++i) {
+    Block sum{};
+    for (std::size_t n = 0; n < blocks.size(); ++n) sum.merge(blocks[random() % blocks.size()]);
+    use(sum);
+  }
+}
 
 }  // namespace hapticd

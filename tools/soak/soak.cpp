@@ -10,6 +10,7 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <set>
 #include <stdexcept>
 
 #include "server/files/input_error.h"
@@ -34,6 +35,7 @@ using Json = nlohmann::ordered_json;
 // and tool alike.
 constexpr double cycle_seconds = 12;
 constexpr int slices_per_cycle = 6;
+constexpr int longest = 10;  // times the duration, until decided
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file);
@@ -73,9 +75,10 @@ class Soak {
     const double seconds = options_.duration / cycles;
     const CpuTimes before = cpu_times();
     Progress progress("soak");
-    for (int c = 0; c < cycles && !interrupted(); ++c) {
-      const std::vector<SoakFigures> parts =
-          cycle(seconds, [&](const char* what, double done) { progress.show((c + done) / cycles, what); });
+    for (int c = 0; !interrupted() && (c < cycles || (c < longest * cycles && !decided())); ++c) {
+      const std::vector<SoakFigures> parts = cycle(seconds, [&](const char* what, double done) {
+        progress.show(std::min(1.0, (c + done) / cycles), what);
+      });
       const auto minute = static_cast<std::size_t>((c + 0.5) * seconds / 60);
       for (std::size_t i = 0; i < parts.size(); ++i) {
         SoakRecord& record = records_[i];
@@ -83,12 +86,15 @@ class Soak {
         record.all.merge(parts[i]);
         record.minutes.resize(minute + 1);
         record.minutes.back().merge(parts[i]);
+        record.duration = (c + 1) * seconds;
       }
     }
     if (interrupted()) throw std::runtime_error("interrupted");
     const CpuTimes after = cpu_times();
     const double total = after.busy + after.idle + after.steal - before.busy - before.idle - before.steal;
+    const std::vector<Neighbour> neighbours = realtime_neighbours(core_, own_processes());
     for (SoakRecord& record : records_) {
+      record.neighbours = neighbours;
       record.busy = (after.busy - before.busy) / total;
       record.steal = (after.steal - before.steal) / total;
       for (const SoakDaemon* server : {tick_.get(), event_.get()})
@@ -114,21 +120,38 @@ class Soak {
     }
   }
 
+  // Of every hand.
+  bool decided() const {
+    return !options_.until_decided || std::all_of(records_.begin(), records_.end(),
+                                                  [](const SoakRecord& r) { return judge(r, {}).decided(); });
+  }
+  std::set<pid_t> own_processes() const {
+    std::set<pid_t> own;
+    for (const SoakDaemon* server : {tick_.get(), event_.get()})
+      if (server) own.insert(server->pid());
+    return own;
+  }
+
   template <typename Show>
   std::vector<SoakFigures> cycle(double seconds, Show&& show) {
     std::vector<SoakFigures> f(records_.size());
     const double slice = seconds / slices_per_cycle;
     auto progress = [&, n = 0](const char* what) mutable { show(what, double(n++) / slices_per_cycle); };
     for (const bool second : {false, true}) {
+      std::vector<SoakFigures> half(records_.size());
       progress("tick");
-      add_tick(slice, f);
+      add_tick(slice, half);
       progress("cyclictest");
-      add_cyclictest(slice, f);
+      add_cyclictest(slice, half);
       progress(second ? "ddsperf" : "event");
       if (second)
-        add_ddsperf(slice, f);
+        add_ddsperf(slice, half);
       else
-        add_event(slice, f);
+        add_event(slice, half);
+      for (std::size_t i = 0; i < f.size(); ++i) {
+        f[i].merge(half[i]);
+        records_[i].blocks.add(half[i]);
+      }
     }
     for (const SoakDaemon* server : {tick_.get(), event_.get()})
       for (SoakFigures& of : f)
@@ -141,10 +164,7 @@ class Soak {
     if (!tick_ && !attached(false)) return;
     const std::vector<ServerFigures> slice =
         client_slice(options_.client, client_core_, tick_.get(), tick_hands_, seconds);
-    for (std::size_t i = 0; i < f.size(); ++i) {
-      f[i].tick.merge(slice[i]);
-      records_[i].wake_slices_us.push_back(slice[i].wake_us);
-    }
+    for (std::size_t i = 0; i < f.size(); ++i) f[i].tick.merge(slice[i]);
   }
   void add_event(double seconds, std::vector<SoakFigures>& f) {
     if (!event_ && !attached(true)) return;
@@ -156,10 +176,7 @@ class Soak {
     if (!has_cyclictest_ || interrupted()) return;
     const Tally slice =
         with_hidden_wakeups(run_cyclictest(seconds, core_, haptic_priority, scratch_.string()));
-    for (std::size_t i = 0; i < f.size(); ++i) {
-      f[i].cyclictest_us.merge(slice);
-      records_[i].cyclictest_slices_us.push_back(slice);
-    }
+    for (SoakFigures& of : f) of.cyclictest_us.merge(slice);
   }
   void add_ddsperf(double seconds, std::vector<SoakFigures>& f) {
     if (!has_ddsperf_ || interrupted()) return;
@@ -183,48 +200,40 @@ class Soak {
   std::vector<SoakRecord> records_;  // one of each hand
 };
 
-Json list_of(const std::vector<SoakCheck>& checks) {
-  Json list = Json::array();
-  for (const SoakCheck& c : checks)
-    list.push_back({{"what", c.what},
-                    {"value", c.known ? Json(rounded(c.value, 4)) : Json()},
-                    {"limit", rounded(c.limit, 4)},
-                    {"kept", c.kept()}});
-  return list;
-}
-
-// Of one hand, with its checks and verdict.
-Json judged(const SoakRecord& record, std::vector<SoakCheck>& checks) {
-  Json json = soak_report(record, checks);
-  json["checks"] = list_of(checks);
-  json["verdict"] = verdict_of(checks);
-  print_soak(json, checks);
+// Of one hand.
+Json judged(const SoakRecord& record, SoakVerdict& verdict) {
+  Json json = soak_report(record, verdict);
+  print_soak(json, verdict, record.neighbours);
   return json;
 }
 
-// Of several hands: what one has at the top has each in `devices`.
-Json judged_each(const Soak& run, const SoakOptions& options, std::string& verdict) {
+// Of several hands: what one has at the top has each in `devices`; the verdict is the worst, as sure as the
+// least sure.
+Json judged_each(const Soak& run, const SoakOptions& options, SoakVerdict& all) {
   Json json{{"command", "soak"},
             {"scene", options.scene},
             {"mode", options.attach ? "attached" : options.mode},
             {"hands", options.hands},
-            {"duration_s", options.duration},
+            {"duration_s", run.records().front().duration},
             {"load_percent", options.load},
             {"devices", Json::array()}};
-  std::vector<SoakCheck> all;
+  all.confidence = 1;
   for (std::size_t i = 0; i < run.records().size(); ++i) {
     const std::string name = "device " + std::to_string(run.device_id(i));
     std::printf("%s\n", name.c_str());
-    std::vector<SoakCheck> checks;
+    SoakVerdict verdict;
     Json device{{"device_id", run.device_id(i)}};
-    device.update(judged(run.records()[i], checks));
+    device.update(judged(run.records()[i], verdict));
     json["devices"].push_back(device);
-    for (SoakCheck& c : checks) c.what = name + ": " + c.what;
-    all.insert(all.end(), checks.begin(), checks.end());
+    for (SoakCheck& c : verdict.checks) c.what = name + ": " + c.what;
+    all.checks.insert(all.checks.end(), verdict.checks.begin(), verdict.checks.end());
+    all.fit = verdict.fit;
+    all.confidence = std::min(*all.confidence, verdict.confidence.value_or(0));
   }
-  verdict = verdict_of(all);
-  json["checks"] = list_of(all);
-  json["verdict"] = verdict;
+  all.outcome = outcome_of(all.checks, all.fit);
+  json["checks"] = to_json(all.checks);
+  json["verdict"] = to_text(all.outcome);
+  json["confidence"] = rounded(*all.confidence, 3);
   return json;
 }
 
@@ -279,19 +288,13 @@ int soak(SoakOptions options) {
   Soak run(options, scene, scratch);
   run.run();
 
-  std::string verdict;
-  Json json;
-  if (options.hands > 1) {
-    json = judged_each(run, options, verdict);
-  } else {
-    std::vector<SoakCheck> checks;
-    json = judged(run.records().front(), checks);
-    verdict = json.at("verdict");
-  }
+  SoakVerdict verdict;
+  const Json json =
+      options.hands > 1 ? judged_each(run, options, verdict) : judged(run.records().front(), verdict);
   if (!options.json.empty()) write_json(options.json, json);
   if (!options.out.empty()) write_out(options.out, json, scratch);
-  std::printf("verdict: %s\n", verdict.c_str());
-  return verdict == "pass" ? 0 : 1;
+  std::printf("verdict: %s\n", explained(verdict).c_str());
+  return verdict.outcome == SoakOutcome::pass ? 0 : 1;
 }
 
 Command add_soak(CLI::App& application) {
@@ -302,6 +305,8 @@ Command add_soak(CLI::App& application) {
   app->add_option("--duration", options->duration, "of all slices together [s]")
       ->check(CLI::Range(6.0, 86400.0))
       ->capture_default_str();
+  app->add_flag("--until-decided", options->until_decided,
+                "go on, ten times as long at most, until the verdict is 95 % sure");
   app->add_option("--load", options->load, "keep every core busy for this share of the time [%]")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
@@ -326,7 +331,9 @@ Command add_soak(CLI::App& application) {
       ->capture_default_str();
   app->footer(
       "Example: haptic soak --duration 60 --load 70 --json soak.json --out build/soak\n"
-      "Exit code 0 only if every bound in the table was kept.");
+      "Verdicts: pass; fail (ours); machine (a bound was broken, but cyclictest alone was more than 1 ms "
+      "late in "
+      "more than 0.05 % too: this machine cannot hold it). Exit code 0 only for pass.");
   return {app, [options] { return soak(*options); }};
 }
 

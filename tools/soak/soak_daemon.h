@@ -13,8 +13,8 @@
 
 namespace hapticd {
 
-// One device's figures in a daemon's summary, which has the first one's at the top. Throws std::runtime_error where
-// there is no such device.
+// One device's figures in a daemon's summary, which has the first one's at the top. Throws std::runtime_error
+// where there is no such device.
 const nlohmann::json& device_summary(const nlohmann::json& summary, std::uint32_t device);
 
 class SoakDaemon {
@@ -27,6 +27,7 @@ class SoakDaemon {
   void stop() { child_.signal(SIGSTOP); }
   void go_on() { child_.signal(SIGCONT); }
   std::uint32_t domain() const { return domain_; }
+  pid_t pid() const { return child_.pid(); }
 
   // Its summary so far, histograms since its start.
   nlohmann::json summary();

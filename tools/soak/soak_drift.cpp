@@ -75,7 +75,8 @@ nlohmann::ordered_json check_drift(const SoakRecord& r, std::vector<SoakCheck>& 
     const double ours = drift_of(r.minutes, s.ours), theirs = s.theirs ? drift_of(r.minutes, s.theirs) : 1;
     j[s.key] = rounded(ours, 3);
     if (s.theirs) j[std::string(s.key) + "_of_the_tool"] = rounded(theirs, 3);
-    checks.push_back({std::string(s.what) + ", last third / first", ours / std::max(1.0, theirs), s.limit});
+    checks.push_back({std::string(s.what) + ", last third / first", ours / std::max(1.0, theirs), s.limit,
+                      true, true, granted_lateness * s.limit});
   };
   if (r.all.tick.scheduled > 0)
     for (const Series& s : of_tick) check(s);

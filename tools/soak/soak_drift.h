@@ -10,7 +10,7 @@
 // clock. The loop is early (haptic/loop.h), so its p99.9 is a difference of two near numbers and strays most.
 #pragma once
 
-#include "tools/soak/soak_report.h"
+#include "tools/soak/soak_verdict.h"
 
 namespace hapticd {
 

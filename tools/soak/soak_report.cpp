@@ -10,9 +10,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Bounds of the verdict: what the machine does to a public tool, times what we may add.
-constexpr double wake_p99_limit = 1.2, wake_p99_9_limit = 1.5, rtt_p50_limit = 1.5, answered_limit = 0.999;
-
 Json histograms(const SoakFigures& f) {
   Json j;
   j["wake_us"] = to_bins(f.tick.wake_us);
@@ -31,20 +28,13 @@ double share(std::int64_t part, std::int64_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0;
 }
 
-// Of the public tool's wake-ups, those less than a slot late: what the machine alone leaves of the slots.
-double on_time(const Tally& late_us) {
-  std::uint64_t kept = 0;
-  for (const auto& [late, n] : late_us.bins())
-    if (late < 1000) kept += n;
-  return share(static_cast<std::int64_t>(kept), static_cast<std::int64_t>(late_us.count()));
-}
-
 std::string judged(const SoakCheck& c) {
   if (!c.known) return "not measured";
   const int digits = c.at_most ? 3 : 5;
   std::string text = fixed(c.value, digits) + (c.at_most ? " ≤ " : " ≥ ") + fixed(c.limit, digits);
   if (c.strays)
-    text += " (by the choice of slices " + fixed(c.strays->low, 2) + " to " + fixed(c.strays->high, 2) + ")";
+    text += " (by the choice of blocks " + fixed(c.strays->low, digits) + " to " +
+            fixed(c.strays->high, digits) + ")";
   return text;
 }
 
@@ -65,15 +55,18 @@ Json minutes(const SoakRecord& r) {
 
 }  // namespace
 
-void SoakFigures::merge(const SoakFigures& o) {
-  tick.merge(o.tick);
-  event.merge(o.event);
-  cyclictest_us.merge(o.cyclictest_us);
-  ddsperf.merge(o.ddsperf);
-  rss_mb = o.rss_mb;
+// Bounds of what no block has by itself.
+std::vector<SoakCheck> check_whole(const SoakRecord& r, std::int64_t allocations, bool counted,
+                                   std::int64_t faults, Json& drift) {
+  std::vector<SoakCheck> checks;
+  if (!r.own) return checks;
+  checks.push_back({"allocations in haptic code", static_cast<double>(allocations), 0, true, counted});
+  checks.push_back({"page faults after arming", static_cast<double>(faults), 0});
+  drift = check_drift(r, checks);
+  return checks;
 }
 
-Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
+Json soak_report(const SoakRecord& r, SoakVerdict& verdict) {
   const ServerFigures& tick = r.all.tick;
   const ServerFigures& event = r.all.event;
   const bool ticked = tick.scheduled > 0, evented = event.scheduled > 0;
@@ -152,28 +145,14 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   j["refused"] = refused;
   j["rss_mb"] = {{"start", rounded(r.first_rss_mb, 2)}, {"end", rounded(r.minutes.back().rss_mb, 2)}};
 
-  const auto strays = [&](double percent) -> std::optional<Interval> {
-    return woken ? bootstrap_ratio(r.wake_slices_us, r.cyclictest_slices_us, percent) : std::nullopt;
-  };
-  const std::optional<Interval> of_p99 = strays(99), of_p99_9 = strays(99.9);
-  checks.push_back({"wake p99 / cyclictest", wake_p99, wake_p99_limit, true, woken || !ticked, of_p99});
-  checks.push_back(
-      {"wake p99.9 / cyclictest", wake_p99_9, wake_p99_9_limit, true, woken || !ticked, of_p99_9});
-  const auto ends = [](const std::optional<Interval>& i) {
-    return i ? Json{rounded(i->low, 3), rounded(i->high, 3)} : Json();
-  };
-  j["ratio_ci90"] = {{"wake_p99", ends(of_p99)}, {"wake_p99_9", ends(of_p99_9)}};
-  if (evented) checks.push_back({"event round trip p50 / ddsperf", rtt_p50, rtt_p50_limit, true, pinged});
-  checks.push_back(
-      {"answered / scheduled", share(both.answered, both.scheduled), answered_limit, false, true});
-  if (ticked)
-    checks.push_back({"state age p99, tick [µs]", tick.state_age_us.percentile(99),
-                      1000 + 2 * r.all.cyclictest_us.percentile(99), true, woken});
-  if (r.own) {
-    checks.push_back({"allocations in haptic code", static_cast<double>(allocations), 0, true, counted});
-    checks.push_back({"page faults after arming", static_cast<double>(faults), 0, true, true});
-  }
-  if (r.own) j["drift"] = check_drift(r, checks);
+  verdict = judge(r, check_whole(r, allocations, counted, faults, j["drift"]));
+  j["checks"] = to_json(verdict.checks);
+  j["machine"] = {{"fit", verdict.fit},
+                  {"cyclictest_on_time_share", j.at("cyclictest_on_time_share")},
+                  {"bound", fit_limit}};
+  j["realtime_neighbours"] = to_json(r.neighbours);
+  j["verdict"] = to_text(verdict.outcome);
+  j["confidence"] = verdict.confidence ? Json(rounded(*verdict.confidence, 3)) : Json();
   if (ticked) j["tick"] = to_json(tick);
   if (evented) j["event"] = to_json(event);
   j["minutes"] = minutes(r);
@@ -181,16 +160,20 @@ Json soak_report(const SoakRecord& r, std::vector<SoakCheck>& checks) {
   return j;
 }
 
-std::string verdict_of(const std::vector<SoakCheck>& checks) {
-  bool known = true, kept = true;
+Json to_json(const std::vector<SoakCheck>& checks) {
+  Json list = Json::array();
   for (const SoakCheck& c : checks) {
-    known = known && c.known;
-    kept = kept && (!c.known || c.kept());
+    list.push_back({{"what", c.what},
+                    {"value", c.known ? Json(rounded(c.value, 4)) : Json()},
+                    {"limit", rounded(c.limit, 4)},
+                    {"kept", c.kept()}});
+    if (c.strays) list.back()["ci90"] = {rounded(c.strays->low, 4), rounded(c.strays->high, 4)};
+    if (!c.kept() && c.unfit_limit) list.back()["limit_of_an_unfit_machine"] = rounded(*c.unfit_limit, 4);
   }
-  return !kept ? "fail" : known ? "pass" : "incomplete";
+  return list;
 }
 
-void print_soak(const Json& j, const std::vector<SoakCheck>& checks) {
+void print_soak(const Json& j, const SoakVerdict& verdict, const std::vector<Neighbour>& neighbours) {
   Table table;
   const auto quantiles_of = [&](const char* key, const char* name, const char* unit) {
     const Json& q = j.at(key);
@@ -225,7 +208,8 @@ void print_soak(const Json& j, const std::vector<SoakCheck>& checks) {
                      j.at("cpu_busy_percent").dump() + " %, " + j.at("steal_percent").dump() + " %");
   table.emplace_back("memory",
                      j.at("rss_mb").at("start").dump() + " → " + j.at("rss_mb").at("end").dump() + " MB");
-  for (const SoakCheck& c : checks)
+  if (!neighbours.empty()) table.emplace_back("others on the loop's core", to_text(neighbours));
+  for (const SoakCheck& c : verdict.checks)
     table.emplace_back((c.kept() ? "ok    " : c.known ? "FAIL  " : "none  ") + c.what, judged(c));
   print(table);
 }

@@ -56,8 +56,8 @@ struct SoakHand {
   SwingSource& source;
 };
 
-// daemon: ours, or null: the one that runs in the settings' domain. The clients' threads are on `core`. Figures of
-// each hand.
+// daemon: ours, or null: the one that runs in the settings' domain. The clients' threads are on `core`.
+// Figures of each hand.
 std::vector<ServerFigures> client_slice(const ClientSettings& settings, int core, SoakDaemon* daemon,
                                         const std::vector<SoakHand>& hands, double seconds);
 

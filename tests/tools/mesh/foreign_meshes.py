@@ -135,7 +135,7 @@ def outcome(program, file, options):
         return False, checked.stderr.strip().splitlines()[-1]
     mesh, plan = json.load(open("mesh.json")), json.load(open("plan.json"))
     text = "%d nodes, %d tetrahedra, felt %.2g N, %.0f N/m" % (
-        mesh["nodes"], mesh["tetrahedra"], plan["felt"]["peak_n"], plan["felt"]["stiffness_n_per_m"])
+        mesh["nodes"], mesh["tetrahedra"], plan["felt"]["peak_n"], plan["felt"]["stiffness_n_per_m"] or float("nan"))
     return True, text + (", 50 Hz" if plan["on_time"] else ", MISSES 50 Hz")
 
 

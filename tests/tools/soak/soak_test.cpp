@@ -3,8 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <set>
+#include <thread>
+
+#include "server/os/realtime.h"
 #include "tests/tools/fake_daemon.h"
 #include "tests/tools/run_command.h"
+#include "tools/cli/child.h"
 #include "tools/client/client.h"
 
 namespace hapticd {
@@ -64,24 +70,108 @@ TEST(PublicTools, DdsperfsSecondsAreReadAndDoubled) {
   EXPECT_THROW(read_ddsperf("no pong"), std::runtime_error);
 }
 
-// Slices alike have one ratio. Where one of twenty holds all that is late, it is drawn now and then not at
+// Of a run's half: what was late in it, of a thousand.
+SoakFigures half_with(double wake_us, int late, double tool_us, int tool_late, int lost = 0) {
+  SoakFigures f;
+  f.tick.wake_us.add(10, 1000 - late);
+  f.tick.wake_us.add(wake_us, late);
+  f.tick.state_age_us.add(500, 1000);
+  f.cyclictest_us.add(10, 1000 - tool_late);
+  f.cyclictest_us.add(tool_us, tool_late);
+  f.tick.scheduled = 1000;
+  f.tick.answered = 1000 - lost;
+  return f;
+}
+
+SoakRecord of_halves(const std::vector<SoakFigures>& halves) {
+  SoakRecord r;
+  for (const SoakFigures& half : halves) {
+    r.all.merge(half);
+    r.blocks.add(half);
+  }
+  return r;
+}
+
+// Blocks alike have one ratio. Where one of twenty holds all that is late, it is drawn now and then not at
 // all.
-TEST(Bootstrap, ARatioStraysByTheSlicesThatBearIt) {
-  Tally even, late;
-  even.add(10, 990);
-  even.add(20, 10);
-  const std::vector<Tally> alike(20, even);
-  const Interval none = bootstrap_ratio(alike, alike, 99.5).value();
+TEST(SoakVerdict, ARatioStraysByTheBlocksThatBearIt) {
+  const SoakFigures even = half_with(20, 20, 20, 20);
+  std::vector<SoakFigures> halves(20, even);
+  const Interval none = judge(of_halves(halves), {}).checks.front().strays.value();
   EXPECT_EQ(none.low, 1);
   EXPECT_EQ(none.high, 1);
-  late.add(10, 700);
-  late.add(1000, 300);
-  std::vector<Tally> one(19, even);
-  one.push_back(late);
-  const Interval wide = bootstrap_ratio(one, alike, 99.5).value();
+  halves.back() = half_with(1000, 300, 20, 20);
+  const Interval wide = judge(of_halves(halves), {}).checks.front().strays.value();
   EXPECT_EQ(wide.low, 1);
   EXPECT_EQ(wide.high, 50);
-  EXPECT_FALSE(bootstrap_ratio({even}, alike, 99));
+  EXPECT_FALSE(judge(of_halves({even}), {}).confidence);
+}
+
+// The same lost slots are ours on a machine whose own tool is on time, and the machine's where it is not;
+// three times as many are ours there as well, and memory never is the machine's.
+TEST(SoakVerdict, WhoseFaultItIsIsToldByThePublicTool) {
+  const auto of = [](int lost, int tool_late, const std::vector<SoakCheck>& further = {}) {
+    return judge(of_halves(std::vector<SoakFigures>(20, half_with(10, 0, 5000, tool_late, lost))), further);
+  };
+  EXPECT_EQ(of(1, 0).outcome, SoakOutcome::pass);
+  EXPECT_EQ(of(4, 0).outcome, SoakOutcome::fail);
+  EXPECT_EQ(of(4, 1).outcome, SoakOutcome::machine);
+  EXPECT_EQ(of(12, 1).outcome, SoakOutcome::fail);
+  EXPECT_EQ(of(4, 1, {{"memory", 3, 2}}).outcome, SoakOutcome::fail);
+  EXPECT_EQ(of(1, 0, {{"a tool's", 0, 1, true, false}}).outcome, SoakOutcome::incomplete);
+  for (const int lost : {1, 4}) EXPECT_EQ(of(lost, 0).confidence, 1);
+  EXPECT_NE(explained(of(4, 1)).find("machine, 100 % sure"), std::string::npos);
+}
+
+// One stall of 11 ms in one of ten halves: whether 99.9 % were answered hangs on that half, and a longer run
+// tells.
+TEST(SoakVerdict, OneStallDecidesNothing) {
+  std::vector<SoakFigures> halves(10, half_with(20, 20, 20, 20));
+  halves[3] = half_with(20, 20, 20, 20, 11);
+  EXPECT_FALSE(judge(of_halves(halves), {}).decided());
+  halves.insert(halves.end(), 50, half_with(20, 20, 20, 20));
+  const SoakVerdict later = judge(of_halves(halves), {});
+  EXPECT_EQ(later.outcome, SoakOutcome::pass);
+  EXPECT_TRUE(later.decided());
+}
+
+TEST(SoakBlocks, NeighboursJoinWhereThereAreMany) {
+  SoakBlocks blocks;
+  for (int i = 0; i < 200; ++i) blocks.add(half_with(20, 20, 20, 20, i == 130 ? 7 : 0));
+  ASSERT_EQ(blocks.all().size(), 50u);
+  std::int64_t scheduled = 0;
+  for (const SoakFigures& b : blocks.all()) scheduled += b.tick.scheduled;
+  EXPECT_EQ(scheduled, 200'000);
+  EXPECT_EQ(blocks.all()[32].tick.answered, 3993);
+}
+
+// A program of another's with a real-time thread on the core is named; without, or on another core, it is
+// not.
+TEST(Neighbours, ARealTimeProgramOnTheCoreIsNamed) {
+  if (!realtime_allowed(20)) GTEST_SKIP() << "SCHED_FIFO is not permitted here";
+  const std::vector<int> cores = process_cores();
+  Child calm({.command = {"sleep", "60"}, .core = cores.back()});
+  Child eager({.command = {"sleep", "60"}, .fifo_priority = 20, .core = cores.back()});
+  std::vector<Neighbour> found;
+  for (int tries = 0; tries < 100 && found.empty(); ++tries) {
+    for (const Neighbour& n : realtime_neighbours(cores.back()))
+      if (n.pid == eager.pid() && n.program == "sleep") found.push_back(n);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.front().priority, 20);
+  EXPECT_NE(to_text(found).find("sleep (process " + std::to_string(eager.pid()) + ", priority 20)"),
+            std::string::npos);
+  const auto names = [&](int core, const std::set<pid_t>& own, pid_t pid) {
+    for (const Neighbour& n : realtime_neighbours(core, own))
+      if (n.pid == pid) return true;
+    return false;
+  };
+  EXPECT_FALSE(names(cores.back(), {}, calm.pid()));
+  EXPECT_FALSE(names(cores.back(), {eager.pid()}, eager.pid()));
+  if (cores.size() > 1) {
+    EXPECT_FALSE(names(cores.front(), {}, eager.pid()));
+  }
 }
 
 TEST(Soak, DriftIsTheRatioOfMediansEitherWayRound) {
@@ -156,10 +246,13 @@ TEST(Soak, AShortOneGivesEveryFigureAndAVerdict) {
     EXPECT_TRUE(j.at(key).is_object()) << key;
   for (const char* key : {"wake_p99", "wake_p99_9", "rtt_p50"})
     EXPECT_TRUE(j.at("ratio").contains(key)) << key;
-  for (const char* key : {"wake_p99", "wake_p99_9"})
-    if (const auto& ends = j.at("ratio_ci90").at(key); !ends.is_null()) {
-      EXPECT_LE(ends.at(0), ends.at(1)) << key;
+  for (const auto& check : j.at("checks"))
+    if (check.contains("ci90")) {
+      EXPECT_LE(check.at("ci90").at(0), check.at("ci90").at(1)) << check;
     }
+  EXPECT_TRUE(j.at("realtime_neighbours").is_array());
+  EXPECT_TRUE(j.at("machine").at("fit").is_boolean());
+  EXPECT_LE(j.at("confidence").get<double>(), 1);
   EXPECT_EQ(j.at("slots").at("scheduled"), 3000);
   EXPECT_GT(j.at("slots").at("answered").get<int>(), 1500);
   EXPECT_EQ(j.at("allocations_in_haptic_code"), 0);

@@ -198,7 +198,7 @@ std::string to_csv(const ForceChart& chart) {
 void print_hands(const ForcePoint& p, const Scene& scene) {
   for (std::size_t i = 0; i < p.hands.size(); ++i) {
     const auto line = [](const std::string& name, const ForceError& e) {
-      std::printf("  %-34s %9s %8s %8.2f %8.2f %8.2f\n", name.c_str(), "", "", 100 * e.rms_rel,
+      std::printf("  %-34s %9s %8s %8.4f %8.2f %8.2f %8.2f\n", name.c_str(), "", "", e.peak, 100 * e.rms_rel,
                   100 * e.max_rel, 100 * e.swap_jump_p95_rel);
     };
     line("  " + scene.instruments[i].name, p.hands[i]);
@@ -217,12 +217,12 @@ void print_chart(const ForceChart& chart, const Scene& scene) {
     if (run.removals > 0)
       std::printf("  references that lose elements when it is published: half differs by %.2f %%%s\n",
                   100 * run.felt_half_step_rel, run.felt_converged ? "" : ": NOT CONVERGED");
-    std::printf("  %-34s %9s %8s %8s %8s %8s %9s %7s\n", "", "CPU ms/s", "p99 µs", "RMS %", "max %", "jump %",
-                "buzz mN", "front");
+    std::printf("  %-34s %9s %8s %8s %8s %8s %8s %9s %7s\n", "", "CPU ms/s", "p99 µs", "peak N", "RMS %",
+                "max %", "jump %", "buzz mN", "front");
     for (const ForcePoint& p : chart.points) {
       if (p.trajectory != run.trajectory || p.removals != run.removals) continue;
-      std::printf("  %-34s %9.1f %8.0f %8.2f %8.2f %8.2f %9.4f %7.2f%s\n", p.label.c_str(), p.cpu_ms_per_s,
-                  p.haptic_us_p99, 100 * p.error.rms_rel, 100 * p.error.max_rel,
+      std::printf("  %-34s %9.1f %8.0f %8.4f %8.2f %8.2f %8.2f %9.4f %7.2f%s\n", p.label.c_str(),
+                  p.cpu_ms_per_s, p.haptic_us_p99, p.error.peak, 100 * p.error.rms_rel, 100 * p.error.max_rel,
                   100 * p.error.swap_jump_p95_rel, 1e3 * p.error.buzz_rms_n, p.front_factor,
                   p.reference_converged ? "" : "  not converged");
       if (scene.instruments.size() > 1) {
@@ -230,8 +230,9 @@ void print_chart(const ForceChart& chart, const Scene& scene) {
         continue;
       }
       if (p.removals > 0)
-        std::printf("  %-34s %9s %8s %8.2f %8.2f %8.2f\n", "  elements gone when it is published", "", "",
-                    100 * p.felt.rms_rel, 100 * p.felt.max_rel, 100 * p.felt.swap_jump_p95_rel);
+        std::printf("  %-34s %9s %8s %8.4f %8.2f %8.2f %8.2f\n", "  elements gone when it is published", "",
+                    "", p.felt.peak, 100 * p.felt.rms_rel, 100 * p.felt.max_rel,
+                    100 * p.felt.swap_jump_p95_rel);
     }
   }
   for (const ForcePoint& p : chart.points)
