@@ -25,12 +25,11 @@ struct Entry {
   const char* name;
   std::vector<std::string> quick, whole;
   double quick_s, whole_s;
-  bool draws = true;  // takes --out and leaves pictures; else figures alone
 };
 
 const std::vector<Entry>& charts() {
   static const std::vector<Entry> entries = {{"force", {"--quick"}, {}, 25, 900},
-                                             {"economy", {"--quick"}, {}, 15, 60, false},
+                                             {"economy", {"--quick"}, {}, 15, 60},
                                              {"step", {"--quick"}, {}, 45, 600},
                                              {"tissue", {"--quick"}, {}, 30, 1500},
                                              {"removal", {"--quick"}, {}, 15, 600},
@@ -56,7 +55,7 @@ double load() {
   return getloadavg(mean, 1) == 1 ? rounded(mean[0], 2) : 0;
 }
 
-int chart_all(const Options& options) {
+int chart_all(const Options& options, const CLI::App& chart) {
   const std::filesystem::path out = options.out;
   const OutputRule rule(options.force);
   rule.require_figures_folder("--out", out, "charts.json", "report");
@@ -79,8 +78,9 @@ int chart_all(const Options& options) {
     for (const Entry& e : charts()) {
       progress.show(done / whole, e.name);
       const std::string folder = (out / e.name).string();
-      std::vector<std::string> words = {"/proc/self/exe", "chart", e.name, e.draws ? "--out" : "--json",
-                                        e.draws ? folder : folder + "/" + e.name + ".json"};
+      const bool draws = chart.get_subcommand(e.name)->get_option_no_throw("--out") != nullptr;
+      std::vector<std::string> words = {"/proc/self/exe", "chart", e.name, draws ? "--out" : "--json",
+                                        draws ? folder : folder + "/" + e.name + ".json"};
       std::filesystem::create_directories(folder);
       words[0] = std::filesystem::read_symlink("/proc/self/exe").string();
       const auto& extra = options.quick ? e.quick : e.whole;
@@ -115,7 +115,7 @@ Command add_chart_all(CLI::App& chart_app) {
   app->add_option("--json", options->json, "what was run, how long it took, and whether it did");
   add_force_option(*app, options->force);
   app->footer("Example: haptic chart all --quick --out build/chart");
-  return {app, [options] { return chart_all(*options); }};
+  return {app, [options, &chart_app] { return chart_all(*options, chart_app); }};
 }
 
 }  // namespace hapticd

@@ -12,6 +12,7 @@ import pathlib
 import sys
 
 import numpy as np
+from matplotlib.transforms import Bbox
 
 from plot_style import ACCENT, GREY, INK, plt, run
 
@@ -51,18 +52,20 @@ def mine(data, entry):
 
 
 def label_marks(axes, marks):
-    """Names beside their marks, each moved up or down until it covers no other."""
+    """Names beside their marks, each moved until it covers neither mark nor name."""
     figure = axes.figure
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()
-    taken = []
+    middles = axes.transData.transform([(x, y) for x, y, *_ in marks]) if marks else []
+    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in middles]
     for x, y, text, weight in sorted(marks, key=lambda m: (-m[3], m[1])):
         for dx, dy, side in ((7, 0, "left"), (-7, 0, "right"), (7, 9, "left"), (7, -9, "left"), (-7, 9, "right"),
                              (-7, -9, "right"), (7, 18, "left"), (7, -18, "left"), (-7, 18, "right"),
                              (-7, -18, "right"), (7, 27, "left"), (-7, -27, "right")):
             note = axes.annotate(text, (x, y), textcoords="offset points", xytext=(dx, dy), ha=side, va="center",
                                  fontsize=7.5, color=ACCENT if weight > 1 else INK,
-                                 fontweight="bold" if weight > 1 else "normal")
+                                 fontweight="bold" if weight > 1 else "normal", zorder=2.5,
+                                 bbox={"boxstyle": "square,pad=0.1", "fc": axes.get_facecolor(), "ec": "none"})
             box = note.get_window_extent(renderer)
             inside = axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 + 70
             if inside and not any(box.overlaps(other) for other in taken):
