@@ -23,7 +23,6 @@ namespace {
 
 constexpr double most_pulled_off = 0.1;  // alarm distances
 constexpr int most_returns = 3;          // to a linearisation whose solve let tissue through
-constexpr int solves_resumed = 200;      // after one that ended unusable
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
   return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
@@ -123,7 +122,7 @@ void solve_frozen(const CondensedProblem& problem, Instruments instruments, cons
   }
   shift_rows(problem, X_ref, start.X_free, state.memory, scratch.rows);
   warm_start(state.memory, scratch);
-  solve_rows(options, state.resumed > 0, scratch, out);
+  solve_rows(options, state.resumed, scratch, out);
   displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
   out.wrench = wrench_on_instruments(scratch.rows, solved(scratch));
   out.instrument = placed_by(start, out.wrench);
@@ -171,7 +170,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   PatchPositions x_lin;
   InstrumentPoses X_lin;
   const auto build = [&](const Reached* reached) {
-    DelassusColumns<3>* const columns = options.whole_W || state.resumed > 0 ? nullptr : &scratch.columns;
+    DelassusColumns<3>* const columns = options.whole_W ? nullptr : &scratch.columns;
     build_rows(problem, instruments, start.X_free, X_lin, x_lin, start.K_inv, scratch.working, activation,
                scratch.rows, reached, options.times, period, columns);
     scratch.on_demand = columns && scratch.rows.rows_per_contact == 3 && scratch.rows.edges == 0;
@@ -180,7 +179,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   // False if the solver met no number.
   const auto solve = [&] {
     warm_start(scratch.working, scratch);
-    solve_rows(options, state.resumed > 0, scratch, out);
+    solve_rows(options, state.resumed, scratch, out);
     if (out.status == SolveStatus::not_finite) return false;
     displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
     out.wrench = wrench_on_instruments(scratch.rows, solved(scratch));
@@ -266,10 +265,12 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
           out.penetration, deepest_overlap(problem, *placed.at(i), i, scratch.rows, scratch.x, out.lost));
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;
-  else if (state.resumed > 0 && out.residual <= options.usable_residual)
+  else if (out.residual > options.usable_residual)
+    state.resumed = solves_resumed;
+  else if (state.resumed > 0)
     --state.resumed;
   else if (out.residual > doubtful * options.usable_residual)
-    state.resumed = solves_resumed;
+    state.resumed = solves_resumed - 1;
   if (!serves(options, out)) return out;
   state.coupling_offset = coupling_offset(X_device, out.instrument, start.K_inv);
   return out;

@@ -9,9 +9,11 @@
 
 namespace hapticd {
 
-constexpr double doubtful = 0.01;  // of the usable residual: Newton's sum of forces is not to be trusted
+constexpr double doubtful = 0.01;    // of the usable residual: Newton's sum of forces is not to be trusted
+constexpr int solves_resumed = 200;  // after one that ended unusable; one less after a doubtful one
 
-void solve_rows(const ContactOptions& options, bool resumed, ContactScratch& scratch,
+// resumed: how many solves are still to come that resume the last one.
+void solve_rows(const ContactOptions& options, int resumed, ContactScratch& scratch,
                 ContactSolution& out) noexcept;
 
 // λ of one contact in its frame, from the scratch.
