@@ -7,7 +7,8 @@
 //
 // Linearisations: only about a solution. About what solves nothing the rows would be of any place, and a
 // solve of those rows no solution here, whatever its residual. So the first takes the time that it needs, a
-// later one that ends unusable is left out, and the status says so.
+// later one that ends unusable is left out, and the status says so. A resumed solve that is usable, but not
+// solved, has no later one: that would end the same way.
 #include "physics/contact/contact_solve.h"
 
 #include <algorithm>
@@ -164,7 +165,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   scratch.working = state.memory;
   start_patch(problem, start.X_start, state.memory, scratch.x);
   out.instrument = start.X_start;
-  const int linearisations = state.resumed > 0 ? 1 : std::max(1, options.linearisations);
+  const int linearisations = std::max(1, options.linearisations);
   const double activation =
       options.activation_distance > 0 ? std::min(options.activation_distance, margin) : margin;
   PatchPositions x_lin;
@@ -200,6 +201,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
       out.status = SolveStatus::deadline;
       break;
     }
+    if (k > 0 && state.resumed > 0 && out.status != SolveStatus::solved) break;
     x_lin = scratch.x;
     X_lin = out.instrument;
     const ContactSolution before = out;
