@@ -181,8 +181,9 @@ Json Abuse::run() {
   SessionOptions options;
   options.client.domain = options_.target.domain;
   options.client.device_id = options_.target.behaving;
-  // Enough slots; the run ends when the stages do.
-  const double bound = 30 + 20 * options_.seconds;
+  // Slots for stages that all last as long as they may; the run ends when they do.
+  const double longest_stage = together_factor * options_.seconds + 11;
+  const double bound = 30 + static_cast<double>(attacks().size() + 8) * longest_stage;
   Session session(options, static_cast<std::int64_t>(1e3 * bound));
   Reader<hapticd_msg_ForceCommand> forces(session.participant);
   ContactSource source;
