@@ -1,7 +1,7 @@
 // How much was left out where more contacts were open than the capacity takes (status_contacts_dropped).
 //
-// Of each tick the contacts that were solved and those that were not; the shallowest are left out
-// (physics/contact/contact_selection.h). Errors: none.
+// Of each tick the contacts that were solved, and the overlapping ones that were not. Which are left out:
+// physics/contact/contact_selection.h. Errors: none.
 #pragma once
 
 #include <cstdint>

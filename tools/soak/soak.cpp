@@ -331,9 +331,8 @@ Command add_soak(CLI::App& application) {
       ->capture_default_str();
   app->footer(
       "Example: haptic soak --duration 60 --load 70 --json soak.json --out build/soak\n"
-      "Verdicts: pass; fail (ours); machine (a bound was broken, but cyclictest alone was more than 1 ms "
-      "late in "
-      "more than 0.05 % too: this machine cannot hold it). Exit code 0 only for pass.");
+      "Verdicts: pass; fail (ours); machine (a bound was broken, but cyclictest alone was 1 ms late in more\n"
+      "than 0.05 % of its wake-ups too: this machine cannot hold it). Exit code 0 only for pass.");
   return {app, [options] { return soak(*options); }};
 }
 
