@@ -118,6 +118,7 @@ SoakVerdict judge(const SoakRecord& r, const std::vector<SoakCheck>& further) {
 
   std::vector<SoakFigures> blocks;
   for (const SoakFigures& block : r.blocks.all()) blocks.push_back(looked_at(block));
+  v.blocks = blocks.size();
   std::vector<std::vector<double>> values(redrawn);
   int drawn = 0, same = 0;
   redraw(blocks, draws, [&](const SoakFigures& sum) {

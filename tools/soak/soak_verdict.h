@@ -5,7 +5,8 @@
 //   machine     some are not, none by more than an unfit machine is granted, and this one is unfit
 //   fail        ours
 //   incomplete  kept as far as known; a public tool gave nothing
-//   confidence  the share of redraws of the run's blocks (bootstrap.h) with the same verdict
+//   confidence  the share of redraws of the run's blocks (bootstrap.h) with the same verdict; of fewer than
+//               ten blocks it decides nothing
 //
 // Granted: of lateness and drift twice the bound; of slots four times what the tool lost, since few long
 // stalls fall unevenly (3.5 times as many on ours in five runs); of memory, allocations and page faults
@@ -37,6 +38,7 @@ struct SoakCheck {
   bool within(double bound) const { return at_most ? value <= bound : value >= bound; }
 };
 
+constexpr std::size_t fewest_blocks = 10;  // that decide
 constexpr double fit_limit = 0.9995, granted_loss = 4, granted_lateness = 2;
 
 // Of the public tool's wake-ups, those less than a slot late: what the machine alone leaves of the slots.
@@ -55,7 +57,10 @@ struct SoakVerdict {
   bool fit = true;
   SoakOutcome outcome = SoakOutcome::incomplete;
   std::optional<double> confidence = {};  // nothing of fewer than two blocks
-  bool decided() const { return outcome == SoakOutcome::incomplete || confidence.value_or(0) >= 0.95; }
+  std::size_t blocks = 0;
+  bool decided() const {
+    return outcome == SoakOutcome::incomplete || (blocks >= fewest_blocks && confidence.value_or(0) >= 0.95);
+  }
 };
 
 // In a line: "pass, 99 % sure".

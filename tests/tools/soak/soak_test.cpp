@@ -135,6 +135,13 @@ TEST(SoakVerdict, OneStallDecidesNothing) {
   EXPECT_TRUE(later.decided());
 }
 
+// Few blocks agree with themselves by chance.
+TEST(SoakVerdict, FewBlocksDecideNothing) {
+  const std::vector<SoakFigures> halves(fewest_blocks, half_with(20, 20, 20, 20));
+  EXPECT_TRUE(judge(of_halves(halves), {}).decided());
+  EXPECT_FALSE(judge(of_halves({halves.begin() + 1, halves.end()}), {}).decided());
+}
+
 TEST(SoakBlocks, NeighboursJoinWhereThereAreMany) {
   SoakBlocks blocks;
   for (int i = 0; i < 200; ++i) blocks.add(half_with(20, 20, 20, 20, i == 130 ? 7 : 0));
