@@ -162,7 +162,7 @@ std::vector<FrontEdge> crack_fronts(const TissueModel& model, const TissueState&
 std::vector<int> faces_that_tear(const TissueModel& model, const TissueState& state,
                                  const BoundarySurface& surface, const TearSettings& settings) {
   std::vector<int> faces;
-  if (!(settings.toughness > 0)) return faces;
+  if (!(settings.toughness > 0 && settings.radius > 0)) return faces;
   std::vector<FrontEdge> fronts = crack_fronts(model, state, surface, settings.radius);
   std::sort(fronts.begin(), fronts.end(), [](const FrontEdge& l, const FrontEdge& r) {
     return l.release != r.release ? l.release > r.release : std::pair(l.a, l.b) < std::pair(r.a, r.b);

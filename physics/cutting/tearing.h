@@ -20,8 +20,9 @@ namespace hapticd {
 
 struct TearSettings {
   double toughness = 0;  // [J/m²]; 0: nothing tears
-  double radius = 0;     // r [m], some edge lengths
+  double radius = 0;     // r [m], some edge lengths; 0: fronts of slits are not looked for
   int most = 8;          // faces in one step
+  bool begins = false;   // cracks begin at surfaces, too (breaking.h)
 };
 
 struct FrontEdge {

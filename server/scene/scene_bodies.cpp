@@ -117,9 +117,10 @@ void read_body_pins(const YamlMap& yaml, SceneBody& body) {
   if (body.pinned_motion) body.dynamic = yaml.choice("motion", {"dynamic", "static"}) == 0;
   body.simulated = yaml.flag("simulated", true);
   if (!body.dynamic && !may_be_static(body))
-    throw yaml.error("motion",
-                     "static needs a body that is held, cannot be cut, is not stretched and has no springs: a loose "
-                     "piece has nothing but its mass");
+    throw yaml.error(
+        "motion",
+        "static needs a body that is held, cannot be cut, is not stretched and has no springs: a loose "
+        "piece has nothing but its mass");
 }
 
 // What can be cut needs room for what cuts add; what tears, how far around a front to look.
@@ -129,24 +130,25 @@ void read_toughness(const YamlMap& yaml, SceneBody& body) {
   body.cutting_viscosity = yaml.number("cutting_viscosity", cutting_viscosity, 0);
   if (!yaml.has("tearing")) return;
   const YamlMap tearing = yaml.map("tearing");
-  tearing.only({"radius", "faces_per_step"});
+  tearing.only({"radius", "faces_per_step", "begins"});
   body.tearing.toughness = body.toughness;
-  body.tearing.radius = tearing.number("radius", length);
+  body.tearing.begins = tearing.flag("begins", false);
+  if (!body.tearing.begins || tearing.has("radius")) body.tearing.radius = tearing.number("radius", length);
   body.tearing.most = static_cast<int>(tearing.number("faces_per_step", faces_per_step, body.tearing.most));
 }
 
 void read_parts(const YamlMap& yaml, SceneBody& body) {
   body.regions = read_regions(yaml, body.mesh, body.material);
   if (is_stretched(body) && body.toughness > 0)
-    throw yaml.error("toughness", "tissue that stands stretched cannot be cut by a blade (removable it may be)");
+    throw yaml.error("toughness",
+                     "tissue that stands stretched cannot be cut by a blade (removable it may be)");
   body.springs = read_springs(yaml, body.mesh);
 }
 
 void read_support(const YamlMap& yaml, SceneBody& body) {
   const bool floating = yaml.flag("floating", false);
   for (const char* key : {"fixed", "springs"})
-    if (floating && yaml.has(key))
-      throw yaml.error("floating", std::string("cannot stand beside ") + key);
+    if (floating && yaml.has(key)) throw yaml.error("floating", std::string("cannot stand beside ") + key);
   if (floating) return;
   if (!yaml.has("fixed") && body.springs.empty())
     throw yaml.error("fixed",
@@ -158,18 +160,19 @@ void read_support(const YamlMap& yaml, SceneBody& body) {
 }
 
 SceneBody read_body(const YamlMap& yaml) {
-  yaml.only({"name", "kind", "mesh", "mesh_unit", "material", "fixed", "floating", "friction", "removable",
-             "toughness", "cutting_viscosity", "max_new_nodes", "tearing", "elements", "motion", "simulated",
-             "position", "orientation", "scale", "regions", "stretch", "springs"});
+  yaml.only({"name",     "kind",     "mesh",      "mesh_unit", "material",          "fixed",
+             "floating", "friction", "removable", "toughness", "cutting_viscosity", "max_new_nodes",
+             "tearing",  "elements", "motion",    "simulated", "position",          "orientation",
+             "scale",    "regions",  "stretch",   "springs"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
   body.mesh_file = yaml.folder() / yaml.text("mesh");
   body.friction = yaml.number("friction", friction, 0);
   if (body.kind == BodyKind::rigid) {
-    for (const char* key : {"material", "fixed", "floating", "removable", "toughness", "cutting_viscosity",
-                            "max_new_nodes", "tearing", "elements", "motion", "simulated", "regions",
-                            "stretch", "springs"})
+    for (const char* key :
+         {"material", "fixed", "floating", "removable", "toughness", "cutting_viscosity", "max_new_nodes",
+          "tearing", "elements", "motion", "simulated", "regions", "stretch", "springs"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));

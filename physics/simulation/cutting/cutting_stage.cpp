@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "physics/contact/cutting/edge_rows.h"
+#include "physics/cutting/breaking.h"
 #include "physics/cutting/opening.h"
 #include "physics/cutting/tearing.h"
 
@@ -54,7 +55,10 @@ std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) 
     CutBody* cut = cuts_[b].get();
     if (!cut) continue;
     if (body.tearing.toughness > 0 && !body.asleep) {
-      const std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
+      std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
+      const std::vector<int> begun =
+          faces_that_break(body.model, body.state, body.surface, cut->work.held_open, body.tearing);
+      faces.insert(faces.end(), begun.begin(), begun.end());
       if (!faces.empty()) note(open_faces(body.model, body.state, cut->work, faces, cut->change));
     }
     if (cut->change.empty()) continue;

@@ -20,5 +20,18 @@ TEST(TearingBeam, TearsAtTheLoadOfBeamTheory) {
   EXPECT_LT(before, 0.1);
 }
 
+// The tension across the face ahead of a crack tells it only where the mesh resolves the arms: too strong by
+// less and less.
+TEST(TearingBeam, BreaksNearTheLoadOfBeamTheoryOnAFineMesh) {
+  double before = HUGE_VAL;
+  for (const TearingBeam& b : chart_tearing_beam({4, 6, 8}, TearRule::face)) {
+    ASSERT_GT(b.torn, 2);
+    EXPECT_LT(b.load_n / b.theory_n, before) << b.nodes;
+    EXPECT_GT(b.load_n / b.theory_n, 0.9) << b.nodes;
+    before = b.load_n / b.theory_n;
+  }
+  EXPECT_LT(before, 1.2);
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/cutting/breaking.h"
 #include "physics/cutting/opening.h"
 #include "physics/cutting/tearing.h"
 #include "tests/support/mesh_shapes.h"
@@ -19,7 +20,40 @@ double theory(double crack, double width) {
   return std::sqrt(toughness * young * arm * arm * arm / 12) * width / (crack + 0.64 * arm);
 }
 
-TearingBeam tear_beam(int n) {
+// Which face goes next, what it releases, and where the crack is.
+struct Next {
+  int face = -1;
+  double release = 0, front = 0;
+};
+
+Next next_of_front(const TissueModel& model, const TissueState& state, const BoundarySurface& surface) {
+  Next next;
+  for (const FrontEdge& f : crack_fronts(model, state, surface, arm / 2))
+    if (f.release > next.release)
+      next = {f.face, f.release, 0.5 * (model.mesh.nodes[f.a].x() + model.mesh.nodes[f.b].x())};
+  return next;
+}
+
+bool in_middle_plane(const TissueModel& model, const Triangle& face) {
+  return std::all_of(face.begin(), face.end(),
+                     [&](int n) { return std::abs(model.mesh.nodes[n].z() - arm) < tiny; });
+}
+
+// The crack stays in the middle plane.
+Next next_of_faces(const TissueModel& model, const TissueState& state, const CutWorkspace& work) {
+  Next next;
+  for (int id = 0; id < 4 * model.tets_in_use; ++id) {
+    const Triangle f = outward_face(model.mesh.tets[id / 4], id % 4);
+    if (model.across[id] < id || work.held_open[id] || !in_middle_plane(model, f)) continue;
+    const double release = release_of_face(model, state, id);
+    if (release <= next.release) continue;
+    next = {id, release, length};
+    for (const int n : f) next.front = std::min(next.front, model.mesh.nodes[n].x());
+  }
+  return next;
+}
+
+TearingBeam tear_beam(int n, TearRule rule) {
   const double width = arm / n;
   const int along = static_cast<int>(std::lround(length / arm)) * n;
   TissueModel model = make_tissue_model(box_mesh({length, width, 2 * arm}, along, 1, 2 * n),
@@ -38,10 +72,9 @@ TearingBeam tear_beam(int n) {
   std::vector<int> notch;
   for (int id = 0; id < 4 * model.tets_in_use; ++id) {
     const Triangle f = outward_face(model.mesh.tets[id / 4], id % 4);
-    const bool in_notch = std::all_of(f.begin(), f.end(), [&](int k) {
-      const Vec3& X = model.mesh.nodes[k];
-      return std::abs(X.z() - arm) < tiny && X.x() < first_crack + tiny;
-    });
+    const bool in_notch = in_middle_plane(model, f) && std::all_of(f.begin(), f.end(), [&](int k) {
+                            return model.mesh.nodes[k].x() < first_crack + tiny;
+                          });
     if (in_notch && model.across[id] > id) notch.push_back(id);
   }
   TearingBeam beam;
@@ -77,15 +110,8 @@ TearingBeam tear_beam(int n) {
     for (int k = 0; k < model.node_count(); ++k)
       state.x[k] = model.mesh.nodes[k] + small * u.segment<3>(3 * k);
     update_rotations(model, state);
-    const std::vector<FrontEdge> fronts = crack_fronts(model, state, surface, arm / 2);
-    double release = 0, front = 0;
-    int face = -1;
-    for (const FrontEdge& f : fronts) {
-      if (f.release <= release) continue;
-      release = f.release;
-      face = f.face;
-      front = 0.5 * (model.mesh.nodes[f.a].x() + model.mesh.nodes[f.b].x());
-    }
+    const auto [face, release, front] =
+        rule == TearRule::front ? next_of_front(model, state, surface) : next_of_faces(model, state, work);
     if (face < 0 || front > last_crack) break;
     load_sum += small * std::sqrt(toughness / release);
     theory_sum += theory(front, width);
@@ -102,9 +128,9 @@ TearingBeam tear_beam(int n) {
 
 }  // namespace
 
-std::vector<TearingBeam> chart_tearing_beam(const std::vector<int>& across_arm) {
+std::vector<TearingBeam> chart_tearing_beam(const std::vector<int>& across_arm, TearRule rule) {
   std::vector<TearingBeam> beams;
-  for (const int n : across_arm) beams.push_back(tear_beam(n));
+  for (const int n : across_arm) beams.push_back(tear_beam(n, rule));
   return beams;
 }
 
