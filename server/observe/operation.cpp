@@ -36,7 +36,7 @@ void count_pieces(const Body& body, BodyMeasures& of) {
 
 }  // namespace
 
-Operation::Operation(const World& world, double period) : period_(period) {
+Operation::Operation(const World& world, double period) : period_(period), events_(world) {
   for (const Body& body : world.bodies()) {
     BodyMeasures of{.name = body.name, .deformable = body.deformable};
     if (body.deformable) {
@@ -55,13 +55,16 @@ Operation::Operation(const World& world, double period) : period_(period) {
 
 OperationMeasures Operation::measures() const {
   const std::lock_guard lock(mutex_);
-  return shown_;
+  OperationMeasures measures = shown_;
+  measures.events = events_.all();
+  measures.events_left_out = events_.left_out();
+  return measures;
 }
 
 void Operation::follow(const World& world, const StepReport& report, const InstrumentSamples& samples) {
   measures_.time += period_;
   follow_hands(report, samples);
-  follow_touches(world);
+  const std::vector<double> touch = follow_touches(world);
   for (std::size_t b = 0; b < measures_.bodies.size(); ++b) {
     const Body& body = world.bodies()[b];
     BodyMeasures& of = measures_.bodies[b];
@@ -72,6 +75,7 @@ void Operation::follow(const World& world, const StepReport& report, const Instr
     if (changed) count_pieces(body, of);
   }
   const std::lock_guard lock(mutex_);
+  events_.follow(measures_.time, world, report, samples, measures_.bodies, touch);
   shown_ = measures_;
 }
 
@@ -93,7 +97,7 @@ void Operation::follow_hands(const StepReport& report, const InstrumentSamples& 
 }
 
 // Of each body, the sum of the forces that press it.
-void Operation::follow_touches(const World& world) {
+std::vector<double> Operation::follow_touches(const World& world) {
   const ContactScratch& scratch = world.contact_scratch();
   const ContactRows& rows = scratch.rows;
   std::vector<Vec3> force(measures_.bodies.size(), Vec3::Zero());
@@ -105,12 +109,14 @@ void Operation::follow_touches(const World& world) {
       lambda[k] = scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact * i + k)];
     force[static_cast<std::size_t>(body_of_sample(row.id))] += row.frame * lambda;
   }
+  std::vector<double> touch;
   for (std::size_t b = 0; b < force.size(); ++b) {
     BodyMeasures& of = measures_.bodies[b];
-    const double pressed = force[b].norm();
-    of.touched += pressed > 0 ? period_ : 0;
-    of.touch_most = std::max(of.touch_most, pressed);
+    touch.push_back(force[b].norm());
+    of.touched += touch[b] > 0 ? period_ : 0;
+    of.touch_most = std::max(of.touch_most, touch[b]);
   }
+  return touch;
 }
 
 nlohmann::ordered_json to_json(const OperationMeasures& measures) {
@@ -134,6 +140,8 @@ nlohmann::ordered_json to_json(const OperationMeasures& measures) {
                  {"strain_most", body.strain_most}});
     json["bodies"].push_back(std::move(of));
   }
+  json["events"] = to_json(measures.events);
+  if (measures.events_left_out > 0) json["events_left_out"] = measures.events_left_out;
   return json;
 }
 

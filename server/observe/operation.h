@@ -3,6 +3,7 @@
 //   hands[]   path of the tip [m], times touching, emulsifying, aspirating [s], largest force [N]
 //   bodies[]  share of its volume that is gone, pieces it has come to, most and loose, largest strain, time
 //             touched [s], largest force of a touch [N]
+//   events[]  operation_events.h
 //
 // Of the simulation's steps, so that a replay in virtual time measures as the daemon does. Strain:
 // equivalent_strain (strain.h), the largest of any live tetrahedron.
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "physics/simulation/world.h"
+#include "server/observe/operation_events.h"
 
 namespace hapticd {
 
@@ -36,6 +38,8 @@ struct OperationMeasures {
   double time = 0;  // [s]
   std::vector<HandMeasures> hands;
   std::vector<BodyMeasures> bodies;
+  std::vector<OperationEvent> events;
+  std::int64_t events_left_out = 0;
 };
 
 class Operation {
@@ -48,11 +52,12 @@ class Operation {
 
  private:
   void follow_hands(const StepReport& report, const InstrumentSamples& samples);
-  void follow_touches(const World& world);
+  std::vector<double> follow_touches(const World& world);  // the force on each body
 
   double period_;
   OperationMeasures measures_;
   mutable std::mutex mutex_;
+  OperationEvents events_;              // by the mutex
   OperationMeasures shown_;             // by the mutex
   std::vector<Vec3> tip_, tip_before_;  // in the instrument's frame, in the scene
   std::vector<char> seen_;              // the instrument was there in the step before

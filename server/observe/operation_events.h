@@ -1,0 +1,62 @@
+// What happened in an operation, and when: a list that a trainer reads from top to bottom.
+//
+//   crack      a body's faces tear, after half a second without; value: its pieces then
+//   rupture    the same, of a body that the tip may not destroy
+//   pieces     a body has come to more pieces than ever; value: how many
+//   gone       a quarter, half, three quarters, nine tenths of a body's volume are gone; value: the share
+//   aspirated  fragments were sucked out; value: how many, in this step
+//   occluded   a pump draws four fifths of its largest vacuum, so tissue covers the port; value: the vacuum
+//   [Pa] vented     … it has fallen to a fifth touched    a body that the tip may not destroy is touched,
+//   after half a second without; value: the force [N]
+//
+// Units: s, scene units. At most `most_events` are kept, the first ones; the rest is counted.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "physics/simulation/world.h"
+
+namespace hapticd {
+
+struct BodyMeasures;
+
+inline constexpr std::size_t most_events = 2000;
+
+struct OperationEvent {
+  double time = 0;
+  const char* what = "";
+  std::string who;  // a body, or a hand's number
+  double value = 0;
+};
+
+class OperationEvents {
+ public:
+  explicit OperationEvents(const World& world);
+
+  // After a step at this time; of each body what was measured then, and the force of its touch in this step.
+  void follow(double time, const World& world, const StepReport& report, const InstrumentSamples& samples,
+              const std::vector<BodyMeasures>& bodies, const std::vector<double>& touch);
+
+  const std::vector<OperationEvent>& all() const { return events_; }
+  std::int64_t left_out() const { return left_out_; }
+
+ private:
+  struct Seen {  // of a body
+    int topology = 0, pieces = 0, quarters = 0;
+    double torn = -1e9, touched = -1e9;  // when last [s]
+  };
+  void add(double time, const char* what, std::string who, double value);
+  void follow_body(double time, const Body& body, const BodyMeasures& now, double touch, Seen& seen);
+
+  std::vector<Seen> bodies_;
+  std::vector<char> occluded_;  // per hand
+  std::vector<OperationEvent> events_;
+  std::int64_t left_out_ = 0;
+};
+
+nlohmann::ordered_json to_json(const std::vector<OperationEvent>& events);
+
+}  // namespace hapticd
