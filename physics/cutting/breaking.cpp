@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <map>
 #include <utility>
 
 #include "physics/tissue/tetrahedron.h"
@@ -16,6 +17,7 @@ namespace {
 // c: with it a beam of two arms breaks at 1.04 times beam theory's load with eight elements over an arm
 // (TearingBeam.*), 1.6 with four.
 constexpr double flaw = 10;
+constexpr int fewest_joined = 1;  // faces that a tetrahedron keeps: none comes off alone
 
 using EdgeKey = std::uint64_t;
 EdgeKey edge_key(int a, int b) noexcept {
@@ -60,6 +62,14 @@ std::vector<EdgeKey> open_edges(const TissueModel& model, const BoundarySurface&
   return edges;
 }
 
+int faces_joined(const TissueModel& model, const TissueState& state, std::span<const std::uint8_t> held_open,
+                 int t) {
+  int joined = 0;
+  for (int id = 4 * t; id < 4 * t + 4; ++id)
+    joined += !held_open[id] && model.across[id] >= 0 && state.alive[model.across[id] / 4];
+  return joined;
+}
+
 }  // namespace
 
 double release_of_face(const TissueModel& model, const TissueState& state, int face) {
@@ -74,6 +84,9 @@ std::vector<int> faces_that_break(const TissueModel& model, const TissueState& s
   std::vector<int> faces;
   if (!(settings.toughness > 0) || !settings.begins) return faces;
 
+  const auto may_break = [&](int id) {
+    return settings.clefts.empty() || (id < std::ssize(settings.clefts) && settings.clefts[id]);
+  };
   std::vector<Mat3> stress(model.tets_in_use);
   for (int t = 0; t < model.tets_in_use; ++t)
     if (state.alive[t]) stress[t] = turned_stress(model, state, t);
@@ -82,7 +95,7 @@ std::vector<int> faces_that_break(const TissueModel& model, const TissueState& s
     if (!state.alive[t]) continue;
     for (int id = 4 * t; id < 4 * t + 4; ++id) {
       const int other = model.across[id];
-      if (other < id || held_open[id] || !state.alive[other / 4]) continue;
+      if (other < id || held_open[id] || !may_break(id) || !state.alive[other / 4]) continue;
       const Mat3 mean = 0.5 * (stress[t] + stress[other / 4]);
       const double released = release(mean, area_vector(model, id), model.elastic[t]);
       if (released > settings.toughness) found.emplace_back(released, id);
@@ -93,13 +106,23 @@ std::vector<int> faces_that_break(const TissueModel& model, const TissueState& s
   std::sort(found.begin(), found.end(), [](const auto& l, const auto& r) {
     return l.first != r.first ? l.first > r.first : l.second < r.second;
   });
+  std::map<int, int> taken;  // faces of a tetrahedron that open in this step
   for (const auto& [released, id] : found) {
     if (static_cast<int>(faces.size()) >= settings.most) break;
     const Triangle n = outward_face(model.mesh.tets[id / 4], id % 4);
     const auto is_open = [&](int k) {
       return std::binary_search(edges.begin(), edges.end(), edge_key(n[k], n[(k + 1) % 3]));
     };
-    if (is_open(0) || is_open(1) || is_open(2)) faces.push_back(id);
+    if (!is_open(0) && !is_open(1) && !is_open(2)) continue;
+    if (settings.clefts.empty()) {
+      const int t = id / 4, other = model.across[id] / 4;
+      if (faces_joined(model, state, held_open, t) - taken[t] <= fewest_joined ||
+          faces_joined(model, state, held_open, other) - taken[other] <= fewest_joined)
+        continue;
+      ++taken[t];
+      ++taken[other];
+    }
+    faces.push_back(id);
   }
   return faces;
 }

@@ -101,32 +101,15 @@ void repoint_collapsed(const TissueModel& model, TissueState& state) noexcept {
   for (Collapsed& c : state.collapsed) c.node = model.mesh.tets[c.tet];
 }
 
-}  // namespace
-
-CutStatus open_faces(TissueModel& model, TissueState& state, CutWorkspace& work, std::span<const int> faces,
+// The nodes of work.nodes get a double for each further component of their stars; what they held open opens.
+CutStatus part_nodes(TissueModel& model, TissueState& state, CutWorkspace& work,
                      TopologyChange& change) noexcept {
-  work.faces.clear();  // those that were not to open yet
-  work.nodes.clear();
-  for (const int id : faces) {
-    if (!is_inner(model, state, id)) continue;
-    for (const int n : outward_face(model.mesh.tets[id / 4], id % 4)) work.nodes.push_back(n);
-    if (work.held_open[id]) continue;
-    work.held_open[id] = work.held_open[model.across[id]] = 1;
-    work.faces.push_back(id);
-  }
-  std::sort(work.nodes.begin(), work.nodes.end());
-  work.nodes.erase(std::unique(work.nodes.begin(), work.nodes.end()), work.nodes.end());
-  if (work.nodes.empty()) return CutStatus::nothing;
-
   int needed = 0;
   for (const int n : work.nodes) {
     needed += label_star(model, state, work, n) - 1;
     forget_labels(work);
   }
-  if (model.nodes_in_use + needed > model.node_count()) {
-    for (const int id : work.faces) work.held_open[id] = work.held_open[model.across[id]] = 0;
-    return CutStatus::no_room;
-  }
+  if (model.nodes_in_use + needed > model.node_count()) return CutStatus::no_room;
 
   const int first_twin = model.nodes_in_use;
   for (const int n : work.nodes) {
@@ -144,6 +127,40 @@ CutStatus open_faces(TissueModel& model, TissueState& state, CutWorkspace& work,
     repoint_collapsed(model, state);
   }
   return CutStatus::done;
+}
+
+}  // namespace
+
+CutStatus open_faces(TissueModel& model, TissueState& state, CutWorkspace& work, std::span<const int> faces,
+                     TopologyChange& change) noexcept {
+  work.faces.clear();  // those that were not to open yet
+  work.nodes.clear();
+  for (const int id : faces) {
+    if (!is_inner(model, state, id)) continue;
+    for (const int n : outward_face(model.mesh.tets[id / 4], id % 4)) work.nodes.push_back(n);
+    if (work.held_open[id]) continue;
+    work.held_open[id] = work.held_open[model.across[id]] = 1;
+    work.faces.push_back(id);
+  }
+  std::sort(work.nodes.begin(), work.nodes.end());
+  work.nodes.erase(std::unique(work.nodes.begin(), work.nodes.end()), work.nodes.end());
+  if (work.nodes.empty()) return CutStatus::nothing;
+  const CutStatus status = part_nodes(model, state, work, change);
+  if (status == CutStatus::no_room)
+    for (const int id : work.faces) work.held_open[id] = work.held_open[model.across[id]] = 0;
+  return status;
+}
+
+CutStatus part_hinges(TissueModel& model, TissueState& state, CutWorkspace& work, std::span<const int> nodes,
+                      TopologyChange& change) noexcept {
+  work.nodes.clear();
+  for (const int n : nodes)
+    if (state.live_tets_of_node[n] > 1) {
+      if (label_star(model, state, work, n) > 1) work.nodes.push_back(n);
+      forget_labels(work);
+    }
+  if (work.nodes.empty()) return CutStatus::nothing;
+  return part_nodes(model, state, work, change);
 }
 
 }  // namespace hapticd

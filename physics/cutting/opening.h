@@ -23,4 +23,9 @@ namespace hapticd {
 [[nodiscard]] CutStatus open_faces(TissueModel& model, TissueState& state, CutWorkspace& work,
                                    std::span<const int> faces, TopologyChange& change) noexcept;
 
+// Of these nodes, those at which tissue hangs by the node alone, or by an edge, without a face: they are
+// parted in the same way. Cost, guarantee and errors as above.
+[[nodiscard]] CutStatus part_hinges(TissueModel& model, TissueState& state, CutWorkspace& work,
+                                    std::span<const int> nodes, TopologyChange& change) noexcept;
+
 }  // namespace hapticd

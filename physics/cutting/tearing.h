@@ -11,6 +11,7 @@
 // configurational_force.h; Miehe and Gürses 2007, whose crack likewise follows the mesh's faces.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "physics/tissue/surface.h"
@@ -19,10 +20,11 @@
 namespace hapticd {
 
 struct TearSettings {
-  double toughness = 0;  // [J/m²]; 0: nothing tears
-  double radius = 0;     // r [m], some edge lengths; 0: fronts of slits are not looked for
-  int most = 8;          // faces in one step
-  bool begins = false;   // cracks begin at surfaces, too (breaking.h)
+  double toughness = 0;                   // [J/m²]; 0: nothing tears
+  double radius = 0;                      // r [m], some edge lengths; 0: fronts of slits are not looked for
+  int most = 8;                           // faces in one step
+  bool begins = false;                    // cracks begin at surfaces, too (breaking.h) …
+  std::vector<std::uint8_t> clefts = {};  // … of these faces, per id in the first mesh; empty: of all
 };
 
 struct FrontEdge {

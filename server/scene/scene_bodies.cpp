@@ -130,9 +130,11 @@ void read_toughness(const YamlMap& yaml, SceneBody& body) {
   body.cutting_viscosity = yaml.number("cutting_viscosity", cutting_viscosity, 0);
   if (!yaml.has("tearing")) return;
   const YamlMap tearing = yaml.map("tearing");
-  tearing.only({"radius", "faces_per_step", "begins"});
+  tearing.only({"radius", "faces_per_step", "begins", "clefts"});
   body.tearing.toughness = body.toughness;
   body.tearing.begins = tearing.flag("begins", false);
+  if (tearing.has("clefts") && !body.tearing.begins)
+    throw tearing.error("clefts", "needs begins: true: fronts of slits run along any face");
   if (!body.tearing.begins || tearing.has("radius")) body.tearing.radius = tearing.number("radius", length);
   body.tearing.most = static_cast<int>(tearing.number("faces_per_step", faces_per_step, body.tearing.most));
 }
@@ -143,6 +145,7 @@ void read_parts(const YamlMap& yaml, SceneBody& body) {
     throw yaml.error("toughness",
                      "tissue that stands stretched cannot be cut by a blade (removable it may be)");
   body.springs = read_springs(yaml, body.mesh);
+  if (yaml.has("tearing")) body.tearing.clefts = read_clefts(yaml.map("tearing"), body.mesh);
 }
 
 void read_support(const YamlMap& yaml, SceneBody& body) {

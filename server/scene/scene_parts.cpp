@@ -160,4 +160,23 @@ std::vector<NodeSpring> read_springs(const YamlMap& body, const TetMesh& mesh) {
   return springs;
 }
 
+std::vector<std::uint8_t> read_clefts(const YamlMap& tearing, const TetMesh& mesh) {
+  std::vector<std::uint8_t> clefts;
+  if (!tearing.has("clefts")) return clefts;
+  clefts.resize(4 * mesh.tets.size(), 0);
+  for (const std::string& name : tearing.texts("clefts")) {
+    const MeshGroup& group = named_group(tearing, "clefts", name, mesh);
+    const auto has = [&](int n) { return std::binary_search(group.nodes.begin(), group.nodes.end(), n); };
+    bool any = false;
+    for (std::size_t id = 0; id < clefts.size(); ++id) {
+      const Triangle n = outward_face(mesh.tets[id / 4], static_cast<int>(id % 4));
+      if (!std::all_of(n.begin(), n.end(), has)) continue;
+      clefts[id] = 1;
+      any = true;
+    }
+    if (!any) throw tearing.error("clefts", "'" + name + "' has no face: name a surface inside of the mesh");
+  }
+  return clefts;
+}
+
 }  // namespace hapticd

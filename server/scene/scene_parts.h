@@ -26,6 +26,9 @@ std::vector<TissueRegion> read_regions(const YamlMap& body, const TetMesh& mesh,
 // springs: one a node of the mesh; empty: there are none.
 std::vector<NodeSpring> read_springs(const YamlMap& body, const TetMesh& mesh);
 
+// Per face id, those in the groups that `clefts` names: where cracks begin. Empty: no group is named.
+std::vector<std::uint8_t> read_clefts(const YamlMap& tearing, const TetMesh& mesh);
+
 Material read_material(const YamlMap& yaml);
 
 }  // namespace hapticd

@@ -122,6 +122,8 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
       hash.number(spring.stiffness);
       hash.vector(spring.anchor);
     }
+    hash.number(b.tearing.begins);
+    hash.bytes(b.tearing.clefts.data(), b.tearing.clefts.size());
     hash.number(b.corotational);
     hash.number(b.max_new_nodes);
   }

@@ -20,6 +20,8 @@ struct CutBody {
   TopologyChange change;  // of this step
   SweptSurface strip;
   std::vector<BladeCut> of_blade;
+  std::vector<int> cleft_nodes;  // of faces where cracks begin, and every node that came since
+  int removed_before = 0;        // tetrahedra, when hinges were last looked for
 };
 
 }  // namespace hapticd

@@ -32,6 +32,18 @@ Vec3 beyond(const Body& body, const MaterialPoint& front, const Vec3& along, std
   return reach + overlap * along;
 }
 
+std::vector<int> nodes_of_clefts(const Body& body) {
+  std::vector<int> nodes;
+  for (std::size_t id = 0; id < body.tearing.clefts.size(); ++id)
+    if (body.tearing.clefts[id])
+      for (const int n : outward_face(body.model.mesh.tets[id / 4], static_cast<int>(id % 4)))
+        nodes.push_back(n);
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  nodes.reserve(nodes.size() + body.model.node_count());
+  return nodes;
+}
+
 }  // namespace
 
 CuttingStage::CuttingStage(Instruments instruments, Bodies& bodies) {
@@ -43,6 +55,7 @@ CuttingStage::CuttingStage(Instruments instruments, Bodies& bodies) {
     const bool has_room = b.model.node_count() > b.model.nodes_in_use;
     cuts_anything_ = cuts_anything_ || (has_room && b.tearing.toughness > 0);
     cuts_.push_back(has_room ? std::make_unique<CutBody>(b.model, instruments.count()) : nullptr);
+    if (has_room) cuts_.back()->cleft_nodes = nodes_of_clefts(b);
   }
 }
 
@@ -54,13 +67,7 @@ std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) 
     Body& body = bodies[b];
     CutBody* cut = cuts_[b].get();
     if (!cut) continue;
-    if (body.tearing.toughness > 0 && !body.asleep) {
-      std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
-      const std::vector<int> begun =
-          faces_that_break(body.model, body.state, body.surface, cut->work.held_open, body.tearing);
-      faces.insert(faces.end(), begun.begin(), begun.end());
-      if (!faces.empty()) note(open_faces(body.model, body.state, cut->work, faces, cut->change));
-    }
+    if (body.tearing.toughness > 0 && !body.asleep) tear(body, *cut);
     if (cut->change.empty()) continue;
     body.surface.follow(body.model, cut->change.tets, cut->change.opened);
     body.asleep = false;
@@ -70,6 +77,20 @@ std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) 
   }
   follow(bodies, changed);
   return changed;
+}
+
+// Tissue of two sides of a cleft that hangs together by a node or an edge alone, after a crack or a removal,
+// comes apart there as well.
+void CuttingStage::tear(Body& body, CutBody& cut) {
+  std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
+  const std::vector<int> begun =
+      faces_that_break(body.model, body.state, body.surface, cut.work.held_open, body.tearing);
+  faces.insert(faces.end(), begun.begin(), begun.end());
+  if (!faces.empty()) note(open_faces(body.model, body.state, cut.work, faces, cut.change));
+  if (cut.cleft_nodes.empty() || (cut.change.empty() && cut.removed_before == body.state.removed)) return;
+  cut.removed_before = body.state.removed;
+  note(part_hinges(body.model, body.state, cut.work, cut.cleft_nodes, cut.change));
+  for (const int n : cut.change.nodes) cut.cleft_nodes.push_back(n);
 }
 
 // Runs of neighbouring samples in one body: from where the mesh is cut to where their fronts are.

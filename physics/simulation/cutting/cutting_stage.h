@@ -48,6 +48,7 @@ class CuttingStage {
 
  private:
   void cut_strips(Bodies& bodies, const Blade& blade, int i);
+  void tear(Body& body, CutBody& cut);
   void note(CutStatus status);
 
   std::vector<CutFronts> fronts_;               // per instrument

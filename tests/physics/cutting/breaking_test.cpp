@@ -1,6 +1,8 @@
 // Faces break by the tension across them.
 #include "physics/cutting/breaking.h"
 
+#include <numeric>
+
 #include <gtest/gtest.h>
 
 #include "physics/cutting/mesh_check.h"
@@ -94,7 +96,76 @@ TEST(Breaking, ACrackGoesFromTheSurfaceThroughTheBar) {
     pieces = find_pieces(bar.model, bar.state).count();
   }
   EXPECT_EQ(pieces, 2);
+  for (const Fragment& f : find_fragments(bar.model, bar.state)) EXPECT_GT(f.tets.size(), 1u);
   EXPECT_EQ(check_mesh(bar.model, bar.state, bar.work, &bar.surface), "");
+}
+
+// With clefts named, the bar parts in their plane and nowhere else, without crumbs.
+TEST(Breaking, ACrackStaysInItsCleft) {
+  Bar bar;
+  bar.strain(along_x(0.1));
+  TearSettings settings{.toughness = 1e-3, .most = 4, .begins = true};
+  settings.clefts.resize(4 * bar.model.mesh.tets.size(), 0);
+  const auto in_cleft = [&](int id) {
+    const Triangle n = outward_face(bar.model.mesh.tets[id / 4], id % 4);
+    return std::all_of(n.begin(), n.end(),
+                       [&](int k) { return std::abs(bar.model.mesh.nodes[k].x() - 2 * size) < 1e-9; });
+  };
+  int of_cleft = 0;
+  for (int id = 0; id < 4 * bar.model.tets_in_use; ++id) of_cleft += settings.clefts[id] = in_cleft(id);
+  ASSERT_EQ(of_cleft, 2 * 8);
+  TopologyChange change(bar.model);
+  int opened = 0;
+  for (int step = 0; step < 20; ++step) {
+    const std::vector<int> faces =
+        faces_that_break(bar.model, bar.state, bar.surface, bar.work.held_open, settings);
+    if (faces.empty()) break;
+    change.clear();
+    ASSERT_EQ(open_faces(bar.model, bar.state, bar.work, faces, change), CutStatus::done);
+    bar.surface.follow(bar.model, change.tets, change.opened);
+    opened += static_cast<int>(change.opened.size());
+  }
+  EXPECT_EQ(opened, 8);
+  EXPECT_EQ(find_pieces(bar.model, bar.state).count(), 2);
+  for (const Fragment& f : find_fragments(bar.model, bar.state))
+    EXPECT_NEAR(f.volume, 2 * size * size * size, 1e-15);
+  EXPECT_EQ(check_mesh(bar.model, bar.state, bar.work, &bar.surface), "");
+}
+
+// A slice goes but for what lies at one node of it: two halves that hang together by that node part there.
+TEST(Breaking, WhatHangsByANodeAloneParts) {
+  TissueModel model = make_tissue_model(box_mesh({3e-3, 1e-3, 1e-3}, 3, 1, 1), {young, 0, 1000, 0, 0}, {},
+                                        Vec3::Zero(), {20, 0});
+  TissueState state = rest_state(model);
+  BoundarySurface surface(model.mesh);
+  CutWorkspace work(model);
+  TopologyChange change(model);
+  // Of the middle cell those with three nodes on one end: what is left of it joins the ends by an edge or a
+  // node.
+  std::vector<int> gone;
+  const auto at = [&](int t, double x) {
+    int n = 0;
+    for (const int k : model.mesh.tets[t]) n += std::abs(model.mesh.nodes[k].x() - x) < 1e-9;
+    return n;
+  };
+  for (int t = 0; t < model.tets_in_use; ++t)
+    if (at(t, 1e-3) + at(t, 2e-3) == 4 && at(t, 1e-3) == 3) gone.push_back(t);
+  ASSERT_FALSE(gone.empty());
+  surface.remove(gone);
+  remove_tets(model, state, gone);
+  ASSERT_EQ(find_pieces(model, state).count(), 1);
+  const int fragments = static_cast<int>(find_fragments(model, state).size());
+  ASSERT_GT(fragments, 1);
+  std::vector<int> all;
+  for (int n = 0; n < model.nodes_in_use; ++n) all.push_back(n);
+  const double mass = std::accumulate(state.mass.begin(), state.mass.end(), 0.0);
+  ASSERT_EQ(part_hinges(model, state, work, all, change), CutStatus::done);
+  surface.follow(model, change.tets, change.opened);
+  EXPECT_EQ(find_pieces(model, state).count(), fragments);
+  EXPECT_NEAR(std::accumulate(state.mass.begin(), state.mass.end(), 0.0), mass, 1e-18);
+  EXPECT_EQ(check_mesh(model, state, work, &surface), "");
+  change.clear();
+  EXPECT_EQ(part_hinges(model, state, work, all, change), CutStatus::nothing);
 }
 
 }  // namespace

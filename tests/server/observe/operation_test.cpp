@@ -135,5 +135,66 @@ TEST(SampleId, NamesItsBody) {
   EXPECT_NE(sample_id(1, 2, 3), sample_id(1, 3, 2));
 }
 
+std::vector<std::string> told(const OperationMeasures& m) {
+  std::vector<std::string> all;
+  for (const OperationEvent& e : m.events) all.push_back(e.what);
+  return all;
+}
+
+// An eighth goes, and the rest falls in two; then half of it all is gone, which is told once for each mark.
+TEST(OperationEvents, PiecesAndVolumeAreToldOnce) {
+  Bar bar;
+  Operation operation(*bar.world, period);
+  bar.step(operation);
+  EXPECT_TRUE(operation.measures().events.empty());
+  bar.world->schedule_removal(0, bar.cell(3));
+  bar.step(operation);
+  bar.step(operation);
+  EXPECT_EQ(told(operation.measures()), std::vector<std::string>{"pieces"});
+  EXPECT_EQ(operation.measures().events[0].who, "bar");
+  EXPECT_EQ(operation.measures().events[0].value, 2);
+  EXPECT_NEAR(operation.measures().events[0].time, 2 * period, 1e-12);
+  for (const int k : {4, 5, 6}) bar.world->schedule_removal(0, bar.cell(k));
+  bar.step(operation);
+  bar.step(operation);
+  EXPECT_EQ(told(operation.measures()), (std::vector<std::string>{"pieces", "gone", "gone"}));
+  EXPECT_NEAR(operation.measures().events[2].value, 0.5, 1e-9);
+}
+
+// A pump that rises past four fifths, sinks a little, and falls below one: once occluded, once vented.
+TEST(OperationEvents, APumpIsOccludedOnceAndVentedOnce) {
+  Bar bar;
+  Instrument port = ball(5e-3);
+  port.port = {.radius = 1e-3, .reach = 1e-4, .vacuum = 1000, .rise_time = 0.1};
+  std::vector<BodySettings> bodies;
+  bodies.push_back({"floor", false, box_mesh(Vec3(0.01, 0.01, 0.01), 1, 1, 1), {}, {}, 0, false});
+  World world(std::move(bodies), port, settings());
+  OperationEvents events(world);
+  const std::vector<BodyMeasures> measured(1);
+  const std::vector<double> touch(1, 0.0);
+  for (const double vacuum : {0.0, 700.0, 810.0, 900.0, 700.0, 300.0, 150.0, 500.0}) {
+    InstrumentSample hand;
+    hand.vacuum = vacuum;
+    events.follow(0, world, {}, InstrumentSamples(hand), measured, touch);
+  }
+  ASSERT_EQ(events.all().size(), 2u);
+  EXPECT_STREQ(events.all()[0].what, "occluded");
+  EXPECT_STREQ(events.all()[1].what, "vented");
+}
+
+// What the tip may not destroy is touched: told again only after half a second without.
+TEST(OperationEvents, ATouchIsToldAgainAfterAWhile) {
+  std::vector<BodySettings> bodies;
+  bodies.push_back({"floor", false, box_mesh(Vec3(0.01, 0.01, 0.01), 1, 1, 1), {}, {}, 0, false});
+  World world(std::move(bodies), ball(5e-3), settings());
+  OperationEvents events(world);
+  const std::vector<BodyMeasures> measured(1);
+  for (int k = 0; k < 100; ++k) {
+    const bool touched = k < 10 || (k > 15 && k < 20) || k > 60;
+    events.follow(period * k, world, {}, {}, measured, {touched ? 0.1 : 0.0});
+  }
+  EXPECT_EQ(events.all().size(), 2u);
+}
+
 }  // namespace
 }  // namespace hapticd

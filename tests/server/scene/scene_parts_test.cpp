@@ -169,5 +169,18 @@ TEST_F(SceneParts, FaultsOfRegionsAndSpringsAreNamed) {
         "cannot be cut", 11);
 }
 
+// The top's faces are 2 · 4 · 2; a cleft needs a group that has faces, and cracks that begin.
+TEST_F(SceneParts, CleftsAreTheFacesOfTheirGroups) {
+  const std::string torn = "    toughness: 1\n    max_new_nodes: 10\n    tearing: ";
+  const SceneBody body = with_body(torn + "{begins: true, clefts: [top]}\n").bodies[0];
+  EXPECT_TRUE(body.tearing.begins);
+  EXPECT_EQ(body.tearing.radius, 0);
+  EXPECT_EQ(std::count(body.tearing.clefts.begin(), body.tearing.clefts.end(), 1), 16);
+  EXPECT_TRUE(with_body(torn + "{begins: true}\n").bodies[0].tearing.clefts.empty());
+  for (const char* wrong :
+       {"{clefts: [top], radius: 0.002}", "{begins: true, clefts: [tup]}", "{begins: false}"})
+    EXPECT_THROW(with_body(torn + wrong + "\n"), InputError) << wrong;
+}
+
 }  // namespace
 }  // namespace hapticd
