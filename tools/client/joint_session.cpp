@@ -85,6 +85,7 @@ void JointSession::run(const std::vector<SlotSource*>& sources, const std::vecto
     settings.start = &start_;
     played_.emplace_back(participant_, settings, slots[i]);
   }
+  played_[0].monitor.keep_at(options_.snapshots_at);
   std::mutex failing;
   std::exception_ptr failure;  // the first
   const auto guarded = [&](std::size_t i, const std::function<void(std::int64_t)>& poll) {
@@ -98,7 +99,7 @@ void JointSession::run(const std::vector<SlotSource*>& sources, const std::vecto
   Progress progress(what);
   const auto all = static_cast<double>(slots[0]);
   const auto first = [&](std::int64_t reached) {
-    played_[0].monitor.poll();
+    played_[0].monitor.poll_at(1e-3 * static_cast<double>(reached));
     std::string forces;
     for (const Device& d : played_) forces += fixed(d.client.newest_force(), 3) + " N, ";
     if (reached < 0)

@@ -1,8 +1,8 @@
 #include "tools/client/monitor.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <stdexcept>
-#include <tuple>
 
 #include "haptic/loop.h"
 #include "tools/cli/report.h"
@@ -49,6 +49,15 @@ void Monitor::poll() {
   });
 }
 
+void Monitor::poll_at(double time) {
+  poll();
+  for (; next_kept_ < keep_at_.size() && time >= keep_at_[next_kept_]; ++next_kept_) {
+    char when[32];
+    std::snprintf(when, sizeof when, "at_%03.0f", keep_at_[next_kept_]);
+    for (auto& [id, body] : bodies_) body.kept[when] = {body.geometry, body.newest};
+  }
+}
+
 StatusRecord Monitor::at(std::int64_t time_ns) const {
   const auto after = std::upper_bound(statuses_.begin(), statuses_.end(), time_ns,
                                       [](std::int64_t t, const StatusRecord& s) { return t < s.arrived_ns; });
@@ -59,17 +68,20 @@ std::vector<std::filesystem::path> Monitor::write_surfaces(const std::filesystem
   std::vector<std::filesystem::path> files;
   for (const auto& [id, body] : bodies_) {
     if (body.geometry.mesh.tets.empty()) continue;
-    for (const auto& [when, geometry, state] : {std::tuple("before", &body.first_geometry, &body.first),
-                                                std::tuple("after", &body.geometry, &body.newest)}) {
-      const TetMesh& mesh = geometry->mesh;
-      const bool moves = state->nodes.size() == mesh.nodes.size();
+    const auto write = [&, &name = body.name](const std::string& when, const Geometry& geometry,
+                                              const State& state) {
+      const TetMesh& mesh = geometry.mesh;
+      const bool moves = state.nodes.size() == mesh.nodes.size();
       const DisplaySurface surface = display_surface(
-          mesh, moves ? state->nodes : mesh.nodes,
-          moves ? std::span<const std::uint8_t>(state->alive) : std::span<const std::uint8_t>(),
-          geometry->opened);
-      files.push_back(directory / (as_file_name(body.name) + "_" + when + ".vtk"));
-      write_file(files.back().string(), to_vtk(surface, body.name + " " + when + ", metres"));
-    }
+          mesh, moves ? state.nodes : mesh.nodes,
+          moves ? std::span<const std::uint8_t>(state.alive) : std::span<const std::uint8_t>(),
+          geometry.opened);
+      files.push_back(directory / (as_file_name(name) + "_" + when + ".vtk"));
+      write_file(files.back().string(), to_vtk(surface, name + " " + when + ", metres"));
+    };
+    write("before", body.first_geometry, body.first);
+    for (const auto& [when, kept] : body.kept) write(when, kept.first, kept.second);
+    write("after", body.geometry, body.newest);
   }
   if (files.empty())
     throw std::runtime_error("the daemon published no scene geometry: no surface can be written");

@@ -1,16 +1,17 @@
 // Watches what the daemon tells about itself and its bodies while a client runs.
 //
 // Status is kept with its time of arrival, so that it can be asked for any instant of the run (10 Hz is its
-// resolution). Of each body the first and the newest state are kept; `write_surfaces` leaves
-// DIR/BODY_before.vtk and DIR/BODY_after.vtk (surface_file.h), a rigid body twice the same.
-// Thread safety: one thread. Errors: write_surfaces throws std::runtime_error naming the file, or when no
-// body was heard of.
+// resolution). Of each body the first and the newest state are kept, and those that are asked for;
+// `write_surfaces` leaves DIR/BODY_before.vtk, DIR/BODY_after.vtk and DIR/BODY_at_030.vtk of the moment 30 s
+// (surface_file.h); of a rigid body all the same. Thread safety: one thread. Errors: write_surfaces throws
+// std::runtime_error naming the file, or when no body was heard of.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "physics/tissue/mesh.h"
@@ -33,6 +34,9 @@ class Monitor {
 
   // Takes what has come.
   void poll();
+  // … at this time of the run; of the bodies at each of these times something is kept then [s, rising].
+  void keep_at(std::vector<double> times) { keep_at_ = std::move(times); }
+  void poll_at(double time);
 
   bool heard() const noexcept { return !statuses_.empty(); }
   StatusRecord newest() const { return heard() ? statuses_.back() : StatusRecord{}; }
@@ -56,6 +60,7 @@ class Monitor {
     std::string name;
     Geometry first_geometry, geometry;
     State first, newest;
+    std::map<std::string, std::pair<Geometry, State>> kept;  // by the name of the moment
   };
 
   std::uint32_t device_id_;
@@ -64,6 +69,8 @@ class Monitor {
   Reader<hapticd_msg_SceneUpdate> update_;
   std::vector<StatusRecord> statuses_;
   std::map<std::uint32_t, Body> bodies_;
+  std::vector<double> keep_at_;
+  std::size_t next_kept_ = 0;
 };
 
 }  // namespace hapticd

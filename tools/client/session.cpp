@@ -62,6 +62,14 @@ void add_session_options(CLI::App& command, SessionOptions& options) {
       .add_option("--snapshots", options.snapshots,
                   "write each body's surface before and after as BODY_before.vtk, BODY_after.vtk")
       ->type_name("DIR");
+  command
+      .add_option("--snapshots-at", options.snapshots_at,
+                  "… and at these times of the run [s], as BODY_at_030.vtk")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(0.0, 1e5))
+      ->needs("--snapshots")
+      ->type_name("T,T");
   add_force_option(command, options.force);
   command.add_option("--min-answered", options.min_answered, "share of slots below which the run has failed")
       ->check(CLI::Range(0.0, 1.0))
@@ -105,6 +113,7 @@ void prepare(SessionOptions& options, const std::vector<std::string>& inputs) {
   rule.require_figures("--json", options.json);
   require_forces(options, options.forces, inputs);
   rule.require_snapshots_folder("--snapshots", options.snapshots);
+  std::sort(options.snapshots_at.begin(), options.snapshots_at.end());
   for (const std::string& file : {options.json, options.forces})
     if (const auto parent = std::filesystem::path(file).parent_path(); !parent.empty())
       std::filesystem::create_directories(parent);
@@ -132,8 +141,9 @@ void run(Session& session, const SessionOptions& options, SlotSource& source, co
   Progress progress(what);
   const auto slots = static_cast<double>(session.client.book().scheduled());
   bool announced = false;
+  session.monitor.keep_at(options.snapshots_at);
   const auto poll = [&](std::int64_t reached) {
-    session.monitor.poll();
+    session.monitor.poll_at(1e-3 * static_cast<double>(reached));
     if (reached < 0) {
       progress.show(0, "arming");
       return;

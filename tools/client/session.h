@@ -18,10 +18,11 @@ struct SessionOptions {
   ClientSettings client;
   std::string secure;  // folder of keys; empty: none
   std::string role = "device";
-  std::string json;       // empty: none
-  std::string forces;     // CSV; empty: none
-  std::string snapshots;  // directory; empty: none
-  bool force = false;     // write over files
+  std::string json;                       // empty: none
+  std::string forces;                     // CSV; empty: none
+  std::string snapshots;                  // directory; empty: none
+  std::vector<double> snapshots_at = {};  // besides the first and the last [s]
+  bool force = false;                     // write over files
   double min_answered = 0.9;
   bool watch_machine = false;          // the slots that a stall of the machine strikes are judged apart
   std::vector<std::uint32_t> devices;  // as named by --device-id; none: not named
