@@ -23,6 +23,10 @@ LIMITS = (
     ("elements_removed", 50, "elements"),
     ("answered_between_stalls", 0.99, "of the slots"),
 )
+OPERATED = (  # of a scene with two hands, besides
+    ("pieces_max", 4, "pieces"),
+    ("volume_gone_share", 0.9, "of the volume"),
+)
 STALLED = 0.05  # of the time: beyond it the machine is no place to judge anything on
 
 
@@ -48,21 +52,42 @@ def rate_between_stalls(daemon, stalls):
     return min(1e3, 1e3 * daemon["slots_sent"] / max(elapsed_ms - stalls["last_core_ms"], 1))
 
 
-def operation(daemon):
+def of_all_hands(replay):
+    """One hand's figures, or of several the worst answers and round trips, the largest force, and all slots."""
+    hands = replay.get("devices")
+    if not hands:
+        return replay
+    worst = min(hands, key=lambda hand: hand["answered_between_stalls"])
+    return {
+        **worst,
+        "force_peak_n": max(hand["force_peak_n"] for hand in hands),
+        **{key: sum(hand[key] for hand in hands) for key in ("slots_scheduled", "slots_sent", "slots_answered")},
+        "status_seen_text": ", ".join(dict.fromkeys(
+            word for hand in hands for word in hand["status_seen_text"].split(", "))),
+        "hands": [only(hand, ("instrument", "force_peak_n", "answered_between_stalls", "contact_share"))
+                  for hand in hands],
+    }
+
+
+def operation(daemon, felt):
     """What a trainer asks, of the body that lost most."""
     measures = daemon["operation"]
+    hands = [{**hand, **of} for hand, of in zip(measures["hands"], felt or [{}] * len(measures["hands"]))]
     soft = [body for body in measures["bodies"] if "volume_gone_share" in body]
     most = max(soft, key=lambda body: body["volume_gone_mm3"])
     return {
-        "hands": measures["hands"],
+        "hands": hands,
         "pieces_max": most["pieces_most"],
         "volume_gone_share": most["volume_gone_share"],
         "pieces_left_loose": sum(body["pieces_loose"] for body in soft),
         "bodies": measures["bodies"],
+        "capsule_ruptures": sum(event["what"] == "rupture" for event in measures.get("events", [])),
+        "events": measures.get("events", []),
     }
 
 
 def merge(daemon, replay):
+    replay = of_all_hands(replay)
     quantiles = ("p50", "p99", "p99_9", "max")
     return {
         "haptic_rate_hz": daemon["haptic_rate_hz"],
@@ -75,10 +100,11 @@ def merge(daemon, replay):
         "wake_us": only(daemon["wake_us"], quantiles),
         "elements_removed": daemon["elements_removed"],
         "fragments_aspirated": daemon["fragments_aspirated"],
-        **operation(daemon),
+        **operation(daemon, replay.get("hands")),
         "solver_cap_share": daemon["solver_caps"] / max(daemon["slots_sent"], 1),
         "force_peak_n": replay["force_peak_n"],
         "penetration_max_um": daemon["penetration_max_um"],
+        "overlap_um_max": daemon["penetration_max_um"],
         "slots_scheduled": replay["slots_scheduled"],
         "slots_sent": replay["slots_sent"],
         "slots_answered": replay["slots_answered"],
@@ -94,8 +120,12 @@ def merge(daemon, replay):
 
 
 def failures(summary):
+    limits = LIMITS + (OPERATED if len(summary["hands"]) > 1 else ())
     found = [f"{key} is {summary[key]:.6g} {unit}, at least {least:g} is asked for"
-             for key, least, unit in LIMITS if not summary[key] >= least]
+             for key, least, unit in limits if not summary[key] >= least]
+    if len(summary["hands"]) > 1:
+        found += [f"{key} is {summary[key]}: none is asked for"
+                  for key in ("pieces_left_loose", "capsule_ruptures") if summary[key] > 0]
     stalled = 1e-3 * summary["machine_stalls"]["total_ms"] / summary["duration_s"]
     if stalled > STALLED:
         found.append(f"the machine stood still for {stalled:.1%} of the time: judge it on a quieter one")
@@ -128,7 +158,7 @@ def main():
     (directory / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     width = max(map(len, summary))
     for key, value in summary.items():
-        print(f"  {key:<{width}}  {text(value)}")
+        print(f"  {key:<{width}}  {f'{len(value)}' if key == 'events' else text(value)}")
     found = failures(summary)
     stalls = summary["machine_stalls"]
     if stalls["count"] > 0:

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
-"""Draws the demonstration: force.png, latency.png and lens.png.
+"""Draws the demonstration: force.png, latency.png, stages.png and lens.png.
 
-Reads forces.csv, daemon.json, BODY_before.vtk and BODY_after.vtk from DIRECTORY and writes the pictures
-there. Histograms are daemon.json's wake_histogram and solve_histogram, [[middle of the bin in us, count], ...];
+Reads forces.csv (and forces.NAME.csv of a second hand), daemon.json, BODY_before.vtk, BODY_at_TIME.vtk and
+BODY_after.vtk from DIRECTORY and writes the pictures there. Histograms are daemon.json's wake_histogram and solve_histogram, [[middle of the bin in us, count], ...];
 where it has none, they are counted from the answered slots in forces.csv.
 Example: tools/plot/plot_demo.py build/demo --body lens
 """
@@ -37,23 +37,62 @@ def spans(t, on):
     return [(t[a], t[min(b, len(t) - 1)]) for a, b in edges.reshape(-1, 2)]
 
 
-def plot_force(forces, path):
-    t = forces["t"]
-    size = np.sqrt(forces["fx"] ** 2 + forces["fy"] ** 2 + forces["fz"] ** 2)
-    figure, axes = plt.subplots(figsize=(9, 3.6), constrained_layout=True)
-    for i, (begin, end) in enumerate(spans(t, forces["buttons"].astype(int) & 1 == 1)):
+def size_of(forces):
+    return np.sqrt(forces["fx"] ** 2 + forces["fy"] ** 2 + forces["fz"] ** 2)
+
+
+def occlusions(events, end):
+    """From where the first hand's port is covered to where it is free again [s]."""
+    found, since = [], None
+    for event in events:
+        if event["what"] == "occluded" and event["who"] == "0":
+            since = event["time_s"]
+        elif event["what"] == "vented" and event["who"] == "0" and since is not None:
+            found.append((since, event["time_s"]))
+            since = None
+    return found + ([(since, end)] if since is not None else [])
+
+
+def plot_force(hands, daemon, path):
+    """Of each hand; below, of an operation with events, how much is gone and in how many pieces it is."""
+    operation = daemon.get("operation", {})
+    events = operation.get("events", [])
+    several = len(hands) > 1
+    figure, rows = plt.subplots(2 if several else 1, 1, figsize=(9, 5.4 if several else 3.6), squeeze=False, sharex=True,
+                                height_ratios=(2, 1) if several else None, constrained_layout=True)
+    axes = rows[0, 0]
+    t = hands[0][1]["t"]
+    most = max(size_of(forces).max() for _, forces in hands)
+    for i, (begin, end) in enumerate(spans(t, hands[0][1]["buttons"].astype(int) & 1 == 1)):
         axes.axvspan(begin, end, color="#f1f2f4", zorder=0, lw=0, label="pedal down" if i == 0 else None)
-    axes.plot(t, size, color=INK, lw=0.9, label="force on the device")
-    removed = forces["removed"]
+    for (name, forces), colour in zip(hands, (INK, GREY)):
+        axes.plot(forces["t"], size_of(forces), color=colour, lw=0.9 if not several else 0.6,
+                  label=f"force on {name}" if several else "force on the device")
+    removed = hands[0][1]["removed"]
     at = np.flatnonzero(np.diff(removed) > 0) + 1
     if len(at):
-        axes.plot(t[at], np.full(len(at), -0.035 * size.max()), "|", color=ACCENT, ms=7, mew=1.0,
+        axes.plot(t[at], np.full(len(at), -0.035 * most), "|", color=ACCENT, ms=7, mew=0.4 if several else 1.0,
                   label=f"elements removed ({int(removed[-1])} in all)")
-    axes.set_xlabel("time [s]")
     axes.set_ylabel("force [N]")
     axes.set_xlim(t[0], t[-1])
-    axes.set_ylim(-0.07 * size.max(), 1.08 * size.max() if size.max() > 0 else 1)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncol=3, fontsize=9, borderaxespad=0.3)
+    axes.set_ylim(-0.07 * most, 1.08 * most if most > 0 else 1)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncol=4, fontsize=9, borderaxespad=0.3)
+    if several:
+        axes = rows[1, 0]
+        for i, (begin, end) in enumerate(occlusions(events, t[-1])):
+            axes.axvspan(begin, end, color="#e3ecf7", zorder=0, lw=0, label="port occluded" if i == 0 else None)
+        axes.plot(t, 100 * removed / max(removed[-1], 1), color=ACCENT, lw=1.2, label="elements removed, of all that were [%]")
+        axes.set_ylabel("removed [%]")
+        axes.set_ylim(0, 118)
+        shown = -1e9
+        for event in events:
+            if event["what"] == "pieces" and event["value"] <= 4:
+                axes.axvline(event["time_s"], color=INK, lw=0.8, ls=":")
+                axes.annotate(f"{event['value']:.0f} pieces", (event["time_s"], 104 if event["time_s"] - shown > 8 else 92),
+                              xytext=(3, 0), textcoords="offset points", fontsize=8, bbox=LABEL_BOX)
+                shown = event["time_s"]
+        axes.legend(loc="lower right", fontsize=8)
+    axes.set_xlabel("time [s]")
     figure.savefig(path)
     plt.close(figure)
 
@@ -165,6 +204,23 @@ def draw_surface(axes, points, triangles, cut, centre, half):
     axes.tick_params(labelsize=7, pad=-2)
 
 
+def plot_stages(moments, path):
+    """moments: (title, surface), four in a row."""
+    columns = min(4, len(moments))
+    rows = -(-len(moments) // columns)
+    figure = plt.figure(figsize=(3.1 * columns, 2.3 * rows))
+    low, high = moments[0][1][0].min(axis=0), moments[0][1][0].max(axis=0)
+    centre, half = 0.5 * (low + high), 0.40 * (high - low)[:2].max()
+    for i, (title, surface) in enumerate(moments):
+        axes = figure.add_subplot(rows, columns, i + 1, projection="3d", computed_zorder=False)
+        draw_surface(axes, *surface, centre, half)
+        axes.set_axis_off()
+        axes.text2D(0.06, 0.90, title, transform=axes.transAxes, fontsize=10)
+    figure.subplots_adjust(left=0.0, right=1.0, bottom=0.0, top=1.0, wspace=0.0, hspace=0.0)
+    figure.savefig(path)
+    plt.close(figure)
+
+
 def plot_lens(before, after, path):
     figure = plt.figure(figsize=(10, 4.3))
     low, high = before[0].min(axis=0), before[0].max(axis=0)
@@ -188,12 +244,17 @@ def main():
     directory = given.directory
     style()
     try:
-        forces = read_forces(directory / "forces.csv")
-        plot_force(forces, directory / "force.png")
         daemon = json.loads((directory / "daemon.json").read_text())
-        plot_latency(daemon, forces, directory / "latency.png")
+        files = [directory / "forces.csv"] + sorted(directory.glob("forces.*.csv"))
+        names = [daemon.get("instrument", "device")] + [file.stem.split(".", 1)[1] for file in files[1:]]
+        hands = [(name, read_forces(file)) for name, file in zip(names, files)]
+        plot_force(hands, daemon, directory / "force.png")
+        plot_latency(daemon, hands[0][1], directory / "latency.png")
         before, after = (read_vtk(directory / f"{given.body}_{when}.vtk") for when in ("before", "after"))
         plot_lens(before, after, directory / "lens.png")
+        kept = sorted(directory.glob(f"{given.body}_at_*.vtk"))
+        plot_stages([("before", before), *((f"{int(file.stem[-3:])} s", read_vtk(file)) for file in kept),
+                     ("after", after)], directory / "stages.png")
     except (OSError, KeyError, ValueError) as error:
         print(f"plot_demo.py: {error}", file=sys.stderr)
         return 2
