@@ -145,5 +145,47 @@ TEST(DemoSummary, AMissingFigureIsAnInputError) {
   EXPECT_NE(v.result.output.find("solve_us"), std::string::npos) << v.result.output;
 }
 
+// Two hands: the worst of the answers, the largest force, all slots; and an operation that is to be complete.
+TEST(DemoSummary, OfTwoHandsTheOperationIsJudgedToo) {
+  json hand = good_replay();
+  hand["instrument"] = "phaco";
+  json other = hand;
+  other["instrument"] = "chopper";
+  other["force_peak_n"] = 0.9;
+  other["answered_between_stalls"] = 0.992;
+  const json replay = {{"devices", {hand, other}}};
+  json daemon = good_daemon();
+  daemon["operation"]["hands"].push_back({{"path_m", 0.01}});
+  for (json& body : daemon["operation"]["bodies"]) body["pieces_loose"] = 0;
+  json& lens = daemon["operation"]["bodies"][2];
+  lens["volume_gone_share"] = 0.95;
+  Verdict v = judge(daemon, replay);
+  EXPECT_EQ(v.result.code, 0) << v.result.output;
+  EXPECT_EQ(v.summary["force_peak_n"], 0.9);
+  EXPECT_EQ(v.summary["answered_between_stalls"], 0.992);
+  EXPECT_EQ(v.summary["slots_answered"], 2 * 995);
+  EXPECT_EQ(v.summary["hands"][1]["instrument"], "chopper");
+  EXPECT_EQ(v.summary["hands"][1]["path_m"], 0.01);
+
+  const auto fails = [&](json changed, const char* figure) {
+    v = judge(changed, replay);
+    EXPECT_EQ(v.result.code, 1) << figure;
+    EXPECT_NE(v.result.output.find(std::string("demo: ") + figure + " is "), std::string::npos)
+        << v.result.output;
+  };
+  json bad = daemon;
+  bad["operation"]["bodies"][2]["volume_gone_share"] = 0.8;
+  fails(bad, "volume_gone_share");
+  bad = daemon;
+  bad["operation"]["bodies"][2]["pieces_most"] = 3;
+  fails(bad, "pieces_max");
+  bad = daemon;
+  bad["operation"]["bodies"][2]["pieces_loose"] = 1;
+  fails(bad, "pieces_left_loose");
+  bad = daemon;
+  bad["operation"]["events"] = {{{"time_s", 1}, {"what", "rupture"}, {"who", "capsule"}, {"value", 1}}};
+  fails(bad, "capsule_ruptures");
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -57,6 +57,22 @@ TEST(Stability, CarvedTissueNeitherBurstsNorEndsTheDaemon) {
   EXPECT_LE(r.force_max, r.device_max);
 }
 
+// The phaco scene under one of its hands: what is carved cracks besides, along its clefts.
+TEST(Stability, CarvedTissueThatCracksNeitherBurstsNorEndsTheDaemon) {
+  Scene scene = read_scene(config_directory() / "scenes/phaco/phaco.yaml");
+  scene.instruments.resize(1);
+  CarveSettings settings;
+  settings.ticks = 16'000;
+  settings.episode = 8'000;
+  settings.seed = 1004;
+  const CarveReport r = run_carve(scene, settings, [](double) { return true; });
+  for (const CarveFault& f : r.faults)
+    ADD_FAILURE() << "seed " << f.seed << ", tick " << f.tick << ": " << f.what;
+  EXPECT_EQ(r.ticks, settings.ticks);
+  EXPECT_GT(r.removed, 100);
+  EXPECT_LE(r.force_max, r.device_max * (1 + 1e-12));
+}
+
 // A blade at random in a block that it cuts; a million ticks of `haptic stability --mode "random cuts"`.
 TEST(Stability, ABladeAtRandomLeavesAValidMeshAndMakesNoEnergy) {
   Scene scene = read_scene(config_directory() / "scenes/incision/incision.yaml");

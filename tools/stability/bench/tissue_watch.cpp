@@ -113,7 +113,10 @@ VecX TissueWatch::energies(const Body& body, const Pieces& pieces, const std::ve
   for (int t = 0; t < body.model.tet_count(); ++t)
     if (const int p = pieces.of_tet[t]; p >= 0) H[p] += stored(body, x, t);
   for (std::size_t n = 0; n < pieces.of_node.size(); ++n)
-    if (const int p = pieces.of_node[n]; p >= 0) H[p] += 0.5 * body.state.mass[n] * v[n].squaredNorm();
+    if (const int p = pieces.of_node[n]; p >= 0) {
+      H[p] += 0.5 * body.state.mass[n] * v[n].squaredNorm();
+      if (n < body.model.springs.size()) H[p] += spring_energy(body.model.springs[n], x[n]);
+    }
   return H;
 }
 
