@@ -14,8 +14,8 @@
 namespace hapticd {
 namespace {
 
-// c: with it a beam of two arms breaks at 1.04 times beam theory's load with eight elements over an arm
-// (TearingBeam.*), 1.6 with four.
+// c: with it a beam of two arms breaks at 1.06 times beam theory's load with eight elements over an arm
+// (TearingBeam.*), 1.65 with four.
 constexpr double flaw = 10;
 constexpr int fewest_joined = 1;  // faces that a tetrahedron keeps: none comes off alone
 
