@@ -12,7 +12,7 @@ constexpr double largest_weight = 1e3;
 
 bool positions_are_sound(const CondensedProblem& p) noexcept {
   for (int n = 0; n < p.nodes; ++n)
-    if (!p.x_free[n].allFinite() || !p.x_now[n].allFinite()) return false;
+    if (!p.x_free[n].allFinite() || !p.x_now[n].allFinite() || !p.pull[n].allFinite()) return false;
   return std::isfinite(p.alarm_distance);
 }
 
@@ -43,8 +43,9 @@ bool edges_are_sound(const CondensedProblem& p) noexcept {
 }
 
 bool is_sound(const InstrumentReference& i) noexcept {
-  return i.X_ref.p.allFinite() && i.X_ref.q.coeffs().allFinite() && at_least_zero(i.coupling.stiffness) &&
-         at_least_zero(i.coupling.rotational_stiffness) && at_least_zero(i.coupling.damping_time);
+  return i.X_ref.p.allFinite() && std::abs(i.X_ref.q.norm() - 1) <= tolerance && i.load.allFinite() &&
+         i.way.allFinite() && at_least_zero(i.coupling.stiffness) && at_least_zero(i.coupling.rotational_stiffness) &&
+         at_least_zero(i.coupling.damping_time);
 }
 
 bool compliance_is_sound(const CondensedProblem& p) noexcept {

@@ -42,7 +42,7 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
         scene, devices, participant_,
         WorldSessionOptions{options.mode, realtime_core_, simulation_core_, static_cast<int>(sessions_.size()),
                             first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
-                            options.capture_every, first ? options.schedule : std::nullopt}));
+                            options.capture_every, first ? options.schedule : std::nullopt, options.haptics}));
   };
   add(devices_of(scene));
   for (const DeviceSettings& device : scene.more_devices) add({device});

@@ -32,6 +32,7 @@ struct DaemonOptions {
   std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
   std::optional<Security> security;
   std::optional<std::filesystem::path> schedule = {};  // of the scene's first device (schedule_file.h)
+  bool haptics = true;  // false: devices are at an edge (server/edge), this is the simulation half
 };
 
 class Daemon {

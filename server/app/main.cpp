@@ -20,6 +20,7 @@
 #include "server/app/service.h"
 #include "server/dds/dds.h"
 #include "server/dds/key_dates.h"
+#include "server/dds/network.h"
 #include "server/files/input_error.h"
 #include "server/files/output_file.h"
 #include "server/files/usage.h"
@@ -48,8 +49,9 @@ struct Arguments {
   std::uint32_t domain = 0;
   std::string device, record, capture, schedule, json, secure, log, metrics;
   std::uint64_t capture_every = 0;
-  bool force = false, open_network = false;
+  bool force = false, open_network = false, no_haptics = false;
   std::vector<std::string> also;
+  Network network;
 };
 
 void define(CLI::App& app, Arguments& a) {
@@ -107,6 +109,29 @@ void define(CLI::App& app, Arguments& a) {
       "--open-network", a.open_network,
       "Serve an interface that the DDS profile names without --secure: whoever is on that network may "
       "move the device, read everything, and end this process with a packet");
+}
+
+void define_network(CLI::App& app, Arguments& a) {
+  CLI::Option* no_haptics = app.add_flag(
+      "--no-haptics", a.no_haptics,
+      "The simulation alone: devices and forces are at another process, mostly another machine (haptic edge)");
+  for (const char* name : {"--record", "--capture", "--schedule", "--also", "--device"})
+    no_haptics->excludes(app.get_option(name));
+  CLI::Option* interface = app.add_option("--interface", a.network.interface,
+                 "Serve this network interface, by name or address, instead of this machine alone; with --secure "
+                 "or --open-network")
+      ->check(network_name_fault)
+      ->type_name("NAME");
+  app.add_option("--peers", a.network.peers,
+                 "Machines to look for there: HOST,HOST; default: whoever hears the network's multicast")
+      ->delimiter(',')
+      ->check(network_name_fault)
+      ->needs(interface)
+      ->type_name("HOST");
+  app.add_option("--station", a.network.station,
+                 "This daemon's station: it hears and is heard by programs of the same station alone")
+      ->check(network_name_fault)
+      ->type_name("NAME");
 }
 
 // Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
@@ -246,6 +271,7 @@ int run(const Arguments& a) {
   require_room_for(scene, a);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
   std::optional<Security> security;
+  use_network(a.network);
   if (a.open_network) open_network();
   if (!a.secure.empty()) security = security_files(a.secure, "daemon");
   // Large blocks come from the heap from here on, as in the run: their page faults would be half a step's
@@ -268,7 +294,8 @@ int run(const Arguments& a) {
   };
   take_dds_log();
   Daemon daemon(
-      scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security, path(a.schedule)});
+      scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security, path(a.schedule),
+              !a.no_haptics});
   daemon.start();
   announce(daemon.grants());
   std::optional<MetricsServer> metrics;
@@ -301,6 +328,7 @@ int main(int argc, char** argv) {
   CLI::App app("A haptic server for soft tissue that is being cut.", "hapticd");
   Arguments arguments;
   define(app, arguments);
+  define_network(app, arguments);
   try {
     app.parse(argc, argv);
     check_numbers(app);

@@ -70,7 +70,7 @@ Service::Service(Daemon& daemon, Reloader& reloader, const Notifier& notifier, c
 LoopCounts Service::counts() const {
   LoopCounts counts;
   for (const auto& session : daemon_.sessions()) {
-    counts.push_back(session->haptic_statistics(0).run.load(relaxed));
+    counts.push_back(session->haptic_turns());
     counts.push_back(session->simulation_statistics().steps.load(relaxed));
   }
   return counts;

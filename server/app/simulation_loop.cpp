@@ -122,6 +122,10 @@ void SimulationLoop::publish(StepAction as) {
   const std::int64_t now = monotonic_ns();
   problem.published_ns = now;
   const std::uint64_t number = problem.step;
+  if (copies_) {
+    copy_in_use(problem, copies_->back());
+    copies_->publish();
+  }
   problems_.publish();
   record({.action = as,
           .asked_ns = now_.asked_ns,

@@ -75,6 +75,10 @@ class SimulationLoop final : private StepHost {
   // queue must outlive the loop.
   void record_into(SpscQueue<StepRecord>& records) noexcept { records_ = &records; }
 
+  // Each publication is copied there too, for a haptic half in another process. Before start; the channel must
+  // outlive the loop.
+  void share_into(Channel<CondensedProblem>& copies) noexcept { copies_ = &copies; }
+
   // on_thread runs on the new thread before its first step: the place for affinity. The thread that makes
   // reference factors takes whatever time any core has left.
   void start(std::function<void()> on_thread = {});
@@ -123,6 +127,7 @@ class SimulationLoop final : private StepHost {
   PlannedAction now_;          // that is being performed
   std::int64_t begun_ns_ = 0;  // of the step or the refresh under way
   SpscQueue<StepRecord>* records_ = nullptr;
+  Channel<CondensedProblem>* copies_ = nullptr;
   std::atomic<std::int64_t> hold_ns_{0};
   std::atomic<bool> poisoned_{false};
   std::atomic<bool> stopping_{false};

@@ -3,6 +3,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "server/edge/scene_mark.h"
 #include "server/files/output_file.h"
 #include "server/observe/log.h"
 #include "server/scene/scene_world.h"
@@ -10,7 +11,6 @@
 namespace hapticd {
 namespace {
 
-constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
 // What a step asks for grows with the largest patch so far; the port of a tick asks for messages.
 constexpr std::size_t simulation_heap = 16 << 20;
 
@@ -40,19 +40,33 @@ std::vector<std::filesystem::path> recordings_of(const std::filesystem::path& fi
   return one_file_each(file, names);
 }
 
+std::vector<Grant> start_haptic_thread(HapticLoop& loop, int core) {
+  std::promise<std::vector<Grant>> granted;
+  loop.start([&granted, core] {
+    name_thread("haptic");
+    no_log_from_this_thread();
+    prefault_stack();
+    prefault_heap(sample_heap);
+    granted.set_value({use_core(core), use_fifo(haptic_priority)});
+  });
+  return granted.get_future().get();
+}
+
 WorldSession::Device::Device(const DeviceSettings& of, const std::string& name, const Participant& participant,
                              const WorldSessionOptions& options, DdsDevicePort* leader)
     : settings(of),
       instrument(name),
-      port(participant, of.id, options.mode == LoopMode::event, options.realtime_core, leader),
-      history(history_ticks) {}
+      history(history_ticks) {
+  if (options.haptics)
+    dds.emplace(participant, of.id, options.mode == LoopMode::event, options.realtime_core, leader);
+}
 
 WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices,
                            const Participant& participant, const WorldSessionOptions& options)
     : options_(options) {
   for (std::size_t i = 0; i < devices.size(); ++i)
     devices_.emplace_back(devices[i], scene.instruments[i].name, participant, options,
-                          devices_.empty() ? nullptr : &devices_.front().port);
+                          devices_.empty() ? nullptr : devices_.front().leader());
   now_ = simulated(scene);
   haptic_.emplace(now_->world->instruments(), loop_devices(), haptic_options(scene), now_->problems, instruments_,
                   LoopTiming{.mode = options.mode});
@@ -60,8 +74,11 @@ WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>
     Device& d = devices_[static_cast<std::size_t>(i)];
     d.diagnostics.emplace(participant, scene, haptic_->statistics(i), d.snapshots, d.history,
                           recording_of(options, scene, i),
-                          DiagnosticsScope{d.settings.id, options.world == 0 && i == 0});
+                          DiagnosticsScope{d.settings.id, options.world == 0 && i == 0, options.haptics});
   }
+  if (!options.haptics)
+    edge_.emplace(participant, LinkSettings{devices.front().id, scene_mark(scene), this->devices(), {}}, copies_,
+                  instruments_);
   if (options.schedule) {
     schedule_.emplace(*options.schedule, scene, devices);
     now_->loop->record_into(schedule_->steps());
@@ -80,6 +97,7 @@ WorldSession::Simulated::Simulated(const Scene& of, PartTimes& times)
 std::unique_ptr<WorldSession::Simulated> WorldSession::simulated(const Scene& scene) {
   auto made = std::make_unique<Simulated>(scene, times_);
   made->loop.emplace(*made->world, times_, scene.rate, instruments_, made->problems, snapshots());
+  if (!options_.haptics) made->loop->share_into(copies_);
   return made;
 }
 
@@ -124,7 +142,7 @@ void WorldSession::start_simulation() {
 
 std::vector<LoopDevice> WorldSession::loop_devices() {
   std::vector<LoopDevice> all;
-  for (Device& d : devices_) all.push_back({d.settings, d.port, d.history, &d.tunings});
+  for (Device& d : devices_) all.push_back({d.settings, d.port(), d.history, &d.tunings});
   return all;
 }
 
@@ -136,6 +154,7 @@ std::vector<Channel<SceneSnapshot>*> WorldSession::snapshots() {
 
 WorldSession::~WorldSession() {
   stop();
+  edge_.reset();
   haptic_.reset();
   now_.reset();
   while (!devices_.empty()) devices_.pop_back();  // the first port outlives those that ring its bell
@@ -145,15 +164,11 @@ std::vector<Grant> WorldSession::start_loops() {
   prefault_heap(sample_heap);
   if (schedule_) schedule_->start(options_.realtime_core);
   start_simulation();
-  std::promise<std::vector<Grant>> granted;
-  haptic_->start([&granted, core = options_.realtime_core] {
-    name_thread("haptic");
-    no_log_from_this_thread();
-    prefault_stack();
-    prefault_heap(sample_heap);
-    granted.set_value({use_core(core), use_fifo(haptic_priority)});
-  });
-  return granted.get_future().get();
+  if (edge_) {
+    edge_->start();
+    return {};
+  }
+  return start_haptic_thread(*haptic_, options_.realtime_core);
 }
 
 void WorldSession::start_diagnostics(const std::vector<Grant>& grants) {
@@ -166,8 +181,13 @@ void WorldSession::retune(int i, const DeviceTuning& tuning) noexcept {
   tunings.publish();
 }
 
+std::uint64_t WorldSession::haptic_turns() const noexcept {
+  return edge_ ? edge_->turns() : haptic_->statistics(0).run.load(std::memory_order_relaxed);
+}
+
 void WorldSession::stop() noexcept {
   haptic_->stop();
+  if (edge_) edge_->stop();
   now_->loop->stop();
   if (schedule_) schedule_->stop();
   for (Device& d : devices_) d.diagnostics->stop();
@@ -194,7 +214,7 @@ MetricsSource WorldSession::metrics(int i) const {
   m.rejected = h.refused.load(relaxed);
   m.conflicts = h.conflicts.load(relaxed);
   m.second_daemon = (h.status.load(relaxed) & status_rival) != 0;
-  m.foreign_forces = device(i).port.foreign_forces();
+  m.foreign_forces = device(i).foreign_forces();
   m.solver_caps = h.solver_caps.load(relaxed);
   m.steps = s.steps.load(relaxed);
   m.overruns = s.overruns.load(relaxed);
@@ -217,7 +237,7 @@ nlohmann::json WorldSession::summary(int i) const {
   const HistogramSnapshot step = s.step.snapshot();
   j["device_id"] = device_id(i);
   if (devices() > 1) j["instrument"] = device(i).instrument;
-  j["foreign_forces"] = device(i).port.foreign_forces();
+  j["foreign_forces"] = device(i).foreign_forces();
   j["mode"] = options_.mode == LoopMode::event ? "event" : "tick";
   j["sim_rate_hz"] = s.rate_hz();
   j["sim_steps"] = s.steps.load();
@@ -251,6 +271,7 @@ nlohmann::json WorldSession::summary(int i) const {
   j["handover_jump_max_n"] = {{"at_reference", s.jump_at_reference.load()},
                               {"at_removal", s.jump_at_removal.load()}};
   if (i == 0) j["operation"] = to_json(now_->loop->operation());
+  if (i == 0 && edge_) j["edge"] = edge_->summary();
   j["recording_dropped"] = recording_dropped(i);
   j["problems_captured"] = diagnostics.captured();
   j["recording_failed"] = diagnostics.recording_failed();

@@ -17,6 +17,7 @@
 
 #include "server/app/simulation_loop.h"
 #include "server/dds/device_bridge.h"
+#include "server/edge/simulation_end.h"
 #include "server/observe/metrics.h"
 #include "server/os/realtime.h"
 #include "server/schedule/schedule_recorder.h"
@@ -32,7 +33,22 @@ struct WorldSessionOptions {
   std::optional<std::filesystem::path> capture;   // a directory for contact problems
   std::uint64_t capture_every = 0;                // solves; 0: only those that end at a cap
   std::optional<std::filesystem::path> schedule;  // a file for the run's schedule (schedule_file.h)
+  bool haptics = true;  // false: the haptic half is another process (server/edge)
 };
+
+// Where the haptic half is in another process: nobody, who takes nothing.
+class AbsentDevice final : public DevicePort {
+ public:
+  bool take(std::int64_t, DeviceSample&) noexcept override { return false; }
+  std::int64_t await(std::int64_t, const EachInstrument<std::int64_t>&) noexcept override { return 0; }
+  Presence presence() const noexcept override { return {}; }
+  void write(const ForceSample&) noexcept override {}
+};
+
+inline constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
+
+// Starts the loop on this core at its priority; returns what it was granted.
+std::vector<Grant> start_haptic_thread(HapticLoop& loop, int core);
 
 // One an instrument of the scene (server/files/output_file.h).
 std::vector<std::filesystem::path> recordings_of(const std::filesystem::path& file, const Scene& scene);
@@ -74,6 +90,8 @@ class WorldSession {
   std::uint64_t recording_dropped(int i) const noexcept { return device(i).history.dropped(); }
   MetricsSource metrics(int device) const;
   SimulationLoop& simulation() noexcept { return *now_->loop; }  // for its test hooks
+  // How often the thread has turned that must: the haptic loop's, or the link's to an edge.
+  std::uint64_t haptic_turns() const noexcept;
   // A device's figures, and those of the world.
   nlohmann::json summary(int device) const;
 
@@ -84,11 +102,19 @@ class WorldSession {
 
     const DeviceSettings settings;
     const std::string instrument;  // its name
-    DdsDevicePort port;
+    std::optional<DdsDevicePort> dds;  // none: the haptic half is elsewhere
+    AbsentDevice absent;
     Channel<SceneSnapshot> snapshots;
     Channel<DeviceTuning> tunings;
     SpscQueue<ForceRecord> history;
     std::optional<Diagnostics> diagnostics;
+
+    DdsDevicePort* leader() noexcept { return dds ? &*dds : nullptr; }
+    DevicePort& port() noexcept {
+      if (dds) return *dds;
+      return absent;
+    }
+    std::uint64_t foreign_forces() const noexcept { return dds ? dds->foreign_forces() : 0; }
   };
 
   // What goes when another world comes.
@@ -111,6 +137,8 @@ class WorldSession {
   PartTimes times_{monotonic_ns};  // of the simulation's step
   std::deque<Device> devices_;
   Channel<InstrumentInputs> instruments_;
+  Channel<CondensedProblem> copies_;
+  std::optional<SimulationEnd> edge_;  // where the haptic half is in another process
   Channel<ContactCapture> captures_;
   std::optional<ScheduleRecorder> schedule_;
   std::unique_ptr<Simulated> now_, next_;

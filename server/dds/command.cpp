@@ -4,6 +4,8 @@
 #include <random>
 #include <thread>
 
+#include "server/dds/network.h"
+
 namespace hapticd {
 namespace {
 
@@ -17,6 +19,7 @@ Qos command_qos() {
   dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, DDS_MSECS(100));
   dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, commands_kept);
+  at_station(*qos);
   return qos;
 }
 

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "server/dds/dds_sockets.h"
+#include "server/dds/network.h"
 #include "server/files/paths.h"
 #include "server/os/realtime.h"
 #include "server/os/room.h"
@@ -20,7 +21,10 @@ std::string read_dds_profile(const std::string& name) {
 }
 
 std::string default_dds_profile_name() { return realtime_allowed() ? "loopback_realtime" : "loopback"; }
-std::string default_dds_profile() { return read_dds_profile(default_dds_profile_name()); }
+std::string default_dds_profile() {
+  const Network& network = process_network();
+  return network.interface.empty() ? read_dds_profile(default_dds_profile_name()) : network_profile(network, realtime_allowed());
+}
 
 std::string dds_place(std::uint32_t domain, const std::string& profile_name) {
   return "DDS domain " + std::to_string(domain) + " with the profile " +
@@ -81,6 +85,7 @@ Qos realtime_qos(int depth) {
   dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
   dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
+  at_station(*qos);
   return qos;
 }
 
@@ -92,6 +97,7 @@ Qos retained_qos() {
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
   dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED,
                               DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+  at_station(*qos);
   return qos;
 }
 

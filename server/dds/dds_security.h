@@ -2,7 +2,7 @@
 // authentication, permissions, AES-GCM-GMAC).
 //
 //   DIR/ca.pem  governance.p7s                     the same for everybody
-//   DIR/ROLE/cert.pem key.pem permissions.p7s      daemon, device, viewer, operator
+//   DIR/ROLE/cert.pem key.pem permissions.p7s      daemon, edge, device, viewer, operator
 //
 // config/dds/security/make_keys.sh makes such a folder; the documents there say who may do what.
 // Contract: every participant of a process in one domain is secured, or none is.
@@ -20,7 +20,8 @@
 
 namespace hapticd {
 
-inline constexpr std::array<const char*, 4> security_roles = {"daemon", "device", "viewer", "operator"};
+inline constexpr std::array<const char*, 5> security_roles = {"daemon", "edge", "device", "viewer",
+                                                              "operator"};
 
 struct Security {
   std::string role;

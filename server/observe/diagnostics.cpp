@@ -310,6 +310,7 @@ void Diagnostics::publish_update() {
 }
 
 void Diagnostics::publish_status() {
+  if (!scope_.shows_device) return;
   const std::int64_t now = monotonic_ns();
   const std::uint64_t run = statistics_.run.load(relaxed);
   if (rate_mark_ns_ == 0 || now - rate_mark_ns_ >= 1'000'000'000) {

@@ -58,10 +58,12 @@ nlohmann::json loop_summary(const LoopStatistics& statistics);
 // A status as a recording keeps it.
 Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& status, std::int64_t time_ns);
 
-// Whose status is published, and whether the scene is: bodies have one key for all devices.
+// Whose status is published, if there is a haptic half here, and whether the scene is: bodies have one key for
+// all devices.
 struct DiagnosticsScope {
   std::uint32_t device_id = 0;
   bool shows_scene = true;
+  bool shows_device = true;
 };
 
 class Diagnostics {

@@ -97,6 +97,7 @@ InstrumentSamples VirtualDaemon::latch() { return samples_of(told_); }
 
 void VirtualDaemon::publish(StepAction) {
   problems_.back().published_ns = free_ns_;
+  if (settings_.carried) settings_.carried(problems_.back());
   problems_.publish();
 }
 

@@ -43,6 +43,8 @@ struct VirtualDaemonSettings {
   // Around each action, at its time; and instead of `reference->make()`. Absent: nothing, and that.
   std::function<void(StepAction, std::int64_t)> before, after;
   std::function<void(ReferenceFactor&)> make;
+  // What becomes of a problem on its way to the tick. Absent: nothing.
+  std::function<void(CondensedProblem&)> carried;
 };
 
 class VirtualDaemon final : private StepHost {

@@ -35,6 +35,7 @@ Command add_record(CLI::App& application);
 Command add_soak(CLI::App& application);
 Command add_abuse(CLI::App& application);
 Command add_device(CLI::App& application);
+Command add_edge(CLI::App& application);
 Command add_doctor(CLI::App& application);
 Command add_stability(CLI::App& application);
 Command add_view(CLI::App& application);

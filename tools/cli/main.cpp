@@ -4,10 +4,38 @@
 
 #include "physics/compliance/blas_threads.h"
 #include "server/dds/dds.h"
+#include "server/dds/network.h"
 #include "server/files/input_error.h"
 #include "server/files/usage.h"
 #include "tools/cli/command.h"
 #include "tools/cli/interrupt.h"
+
+namespace {
+
+// Before the command, for all of them alike.
+void add_network_options(CLI::App& application, hapticd::Network& network) {
+  CLI::Option* interface =
+      application
+          .add_option("--interface", network.interface,
+                      "before the command: the daemon is on this network, a name or an address of this machine there")
+          ->check(hapticd::network_name_fault)
+          ->type_name("NAME");
+  application
+      .add_option("--peers", network.peers,
+                  "before the command: machines to look for there: HOST,HOST; default: whoever hears its multicast")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(hapticd::network_name_fault)
+      ->needs(interface)
+      ->type_name("HOST");
+  application
+      .add_option("--station", network.station,
+                  "before the command: the daemon's station, as its --station says")
+      ->check(hapticd::network_name_fault)
+      ->type_name("NAME");
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   using namespace hapticd;
@@ -24,7 +52,9 @@ int main(int argc, char** argv) {
                               add_soak(application),   add_abuse(application),  add_mesh(application),
                               add_doctor(application), add_record(application), add_stability(application),
                               add_view(application),   add_device(application), add_reset(application),
-                              add_reload(application)};
+                              add_reload(application), add_edge(application)};
+  Network network;
+  add_network_options(application, network);
   application.add_flag_callback(
       "--open-network", open_network,
       "before the command: use an interface that the DDS profile names without --secure; "
@@ -32,6 +62,7 @@ int main(int argc, char** argv) {
   try {
     application.parse(argc, argv);
     check_numbers(application);
+    use_network(network);
   } catch (const CLI::ParseError& error) {
     const std::string fault = error.get_exit_code() == 0 ? "" : usage_fault(application, argc, argv);
     if (fault.empty()) return application.exit(error) == 0 ? 0 : 2;

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "server/dds/command.h"
+#include "server/dds/network.h"
 #include "tools/cli/command.h"
 #include "tools/cli/report.h"
 
@@ -20,7 +21,7 @@ int run(const ControlOptions& o, ServerCommand command, const char* name) {
   OutputRule(o.force).require_figures("--json", o.json);
   std::optional<Security> security;
   if (!o.secure.empty()) security = security_files(o.secure, o.role);
-  const Domain domain(o.domain, read_dds_profile("loopback"));
+  const Domain domain(o.domain, viewer_dds_profile());
   const Participant participant(domain, security);
   const CommandReply reply = ask_server(participant, command, o.wait);
   if (!reply.heard)

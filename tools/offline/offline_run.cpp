@@ -92,6 +92,7 @@ class Run {
     settings.schedule.interims = options.interim_after && interims_;
     settings.schedule.refresh_at = settings.schedule.interims ? options.refresh_at : std::vector<double>{};
     settings.first_ns = first_ns;
+    settings.carried = options.carried;
     settings.before = [this](StepAction action, std::int64_t ns) { before(action, ns); };
     settings.after = [this](StepAction action, std::int64_t) { after(action); };
     settings.make = [this](ReferenceFactor& factor) {

@@ -73,6 +73,8 @@ struct OfflineOptions {
   // later.
   std::vector<double> refresh_at = {0.6, 0.8};
   double reference_after = 0.04;  // [s]
+  // What becomes of a problem on its way to the tick. Absent: nothing.
+  std::function<void(CondensedProblem&)> carried = {};
 };
 
 // Of one instrument.

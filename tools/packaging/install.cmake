@@ -9,7 +9,7 @@ set(HEADERS ${CMAKE_INSTALL_INCLUDEDIR}/hapticd)
 install(TARGETS hapticd haptic_tool haptic_device RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
 install(DIRECTORY config/scenes config/devices config/charts config/dds DESTINATION ${DATA} COMPONENT runtime
         USE_SOURCE_PERMISSIONS PATTERN "*.pem" EXCLUDE PATTERN "*.key" EXCLUDE)
-install(FILES idl/device.idl idl/scene.idl idl/command.idl idl/ros2.idl idl/README.md DESTINATION ${DATA}/idl COMPONENT development)
+install(FILES idl/device.idl idl/edge.idl idl/scene.idl idl/command.idl idl/ros2.idl idl/README.md DESTINATION ${DATA}/idl COMPONENT development)
 file(GLOB SCRIPTS CONFIGURE_DEPENDS tools/plot/plot_*.py tools/plot/chart_report.py)
 install(FILES ${SCRIPTS} DESTINATION ${DATA}/scripts COMPONENT runtime)
 install(DIRECTORY tools/view/page/ DESTINATION ${DATA}/view COMPONENT runtime)

@@ -5,6 +5,7 @@
 #include <optional>
 #include <thread>
 
+#include "server/dds/network.h"
 #include "server/files/output_file.h"
 #include "server/files/usage.h"
 #include "server/observe/bag_recorder.h"
@@ -127,7 +128,7 @@ int record(const RecordOptions& o) {
   if (!o.directory.empty()) require_no_bag(o.directory);
   std::optional<Security> security;
   if (!o.secure.empty()) security = security_files(o.secure, o.role);
-  const Domain domain(o.domain, read_dds_profile("loopback"));
+  const Domain domain(o.domain, viewer_dds_profile());
   const Participant participant(domain, security);
   std::deque<Recorded> devices = listeners(o, participant);
   std::optional<SceneFrames> frames;

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "server/dds/command.h"
+#include "server/dds/network.h"
 #include "server/files/usage.h"
 #include "server/os/realtime.h"
 #include "tools/cli/command.h"
@@ -119,7 +120,7 @@ int view_daemon(const ViewOptions& o) {
   std::optional<Security> security;
   if (!o.secure.empty()) security = security_files(o.secure, o.control ? "operator" : o.role);
   if (!o.control) stand_back();  // before there are threads
-  const Domain domain(o.domain, read_dds_profile("loopback"));
+  const Domain domain(o.domain, viewer_dds_profile());
   const Participant participant(domain, security);
   LiveSource live(participant);
   std::optional<RemoteHand> hand;

@@ -10,7 +10,7 @@ Usage: make_keys.sh DIR [DAYS]
 Makes in DIR, valid for DAYS (default 1825):
   ca.pem ca.key        the authority; whoever has ca.key can admit anybody: keep it off the clients
   governance.p7s       signed
-  daemon/ device/ viewer/ operator/   each cert.pem, key.pem, permissions.p7s
+  daemon/ edge/ device/ viewer/ operator/   each cert.pem, key.pem, permissions.p7s
 A client needs ca.pem, governance.p7s and the folder of its own role, nothing else.
 TEXT
 }
@@ -43,7 +43,7 @@ if [ ! -e ca.key ]; then
 fi
 sign "$templates/governance.xml" governance.p7s
 
-for role in daemon device viewer operator; do
+for role in daemon edge device viewer operator; do
   mkdir -p "$role"
   if [ ! -e "$role/key.pem" ]; then
     new_key "$role/key.pem"
@@ -59,4 +59,4 @@ for role in daemon device viewer operator; do
     "$templates/permissions_$role.xml" >"$work/permissions.xml"
   sign "$work/permissions.xml" "$role/permissions.p7s"
 done
-echo "make_keys.sh: keys for daemon, device, viewer and operator in $PWD, valid for $days days"
+echo "make_keys.sh: keys for daemon, edge, device, viewer and operator in $PWD, valid for $days days"

@@ -1,0 +1,31 @@
+#include "server/edge/link_settings.h"
+
+#include <algorithm>
+#include <random>
+
+#include "haptic/loop.h"
+
+namespace hapticd {
+
+std::uint64_t own_number() {
+  std::random_device random;
+  return (std::uint64_t{random()} << 32 | random()) | 1;
+}
+
+LinkWait::LinkWait(const Participant& participant, dds_entity_t reader, dds_entity_t other)
+    : set_(require(dds_create_waitset(participant.handle()), "a waitset")) {
+  const auto attach = [this](dds_entity_t of, DdsEntity& condition) {
+    if (of == 0) return;
+    condition = DdsEntity(require(dds_create_readcondition(of, DDS_ANY_STATE), "a read condition"));
+    require(dds_waitset_attach(set_.handle(), condition.handle(), 0), "a waitset's entry");
+  };
+  attach(reader, first_);
+  attach(other, second_);
+}
+
+void LinkWait::until(std::int64_t ns) noexcept {
+  const std::int64_t left = ns - monotonic_ns();
+  if (left > 0) dds_waitset_wait(set_.handle(), nullptr, 0, left);
+}
+
+}  // namespace hapticd

@@ -1,0 +1,34 @@
+// What both ends of a link between simulation and edge have: whose it is, and how their thread waits.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "server/edge/edge_topics.h"
+
+namespace hapticd {
+
+struct LinkSettings {
+  std::uint32_t world = 0;  // device id of the world's first instrument
+  std::uint64_t scene = 0;  // scene_mark.h
+  int instruments = 1;
+  std::optional<int> keep_off;  // the core of a haptic thread
+};
+
+inline constexpr std::int64_t hands_lost_ns = 60'000'000;   // instruments are then not there
+inline constexpr std::int64_t edge_stays_ns = 500'000'000;  // a silent writer keeps its place
+
+// Of a process: another after each start, not 0.
+std::uint64_t own_number();
+
+// Until one of two readers has something, or for some time. Throws std::runtime_error where Cyclone refuses.
+class LinkWait {
+ public:
+  LinkWait(const Participant& participant, dds_entity_t reader, dds_entity_t other = 0);
+  void until(std::int64_t ns) noexcept;  // CLOCK_MONOTONIC
+
+ private:
+  DdsEntity set_, first_, second_;
+};
+
+}  // namespace hapticd
