@@ -93,24 +93,23 @@ class TwoHandsWatchdog : public testing::TestWithParam<std::tuple<const char*, i
     from_a_ = first_->count();
     from_b_ = second_->count();
   }
-  // Mean of two hundred forces that nothing troubled and that agree, of several steps of the simulation: the machine
-  // may hold up anybody for a while, and a simulation that stands still has steady forces, too.
+  // Mean of a hundred forces or more that nothing troubled and that agree, of several steps of the simulation: the
+  // machine may hold up anybody for a while, and a simulation that stands still has steady forces, too.
   double steady() const {
-    constexpr std::size_t n = 200;
-    constexpr std::uint64_t steps = 8;
+    constexpr std::size_t fewest = 100;
+    constexpr std::uint64_t steps = 6;
     for (int waited = 0; waited < patience_ms; waited += 10, pause(10)) {
       const std::vector<Force> forces = first_->forces();
-      if (forces.size() < n) continue;
       double sum = 0, least = HUGE_VAL, most = 0;
-      bool quiet = forces.back().step >= forces[forces.size() - n].step + steps;
-      for (std::size_t i = forces.size() - n; i < forces.size(); ++i) {
-        const Force& f = forces[i];
-        quiet = quiet && f.status == 0;
+      for (std::size_t n = 1; n <= forces.size(); ++n) {
+        const Force& f = forces[forces.size() - n];
+        if (f.status != 0) break;
         sum += magnitude(f);
         least = std::min(least, magnitude(f));
         most = std::max(most, magnitude(f));
+        if (!(most - least < 0.2 * same * most)) break;
+        if (n >= fewest && f.step + steps <= forces.back().step) return sum / static_cast<double>(n);
       }
-      if (quiet && most - least < 0.1 * same * most) return sum / n;
     }
     ADD_FAILURE() << "no steady force";
     return 0;
