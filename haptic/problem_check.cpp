@@ -44,8 +44,8 @@ bool edges_are_sound(const CondensedProblem& p) noexcept {
 
 bool is_sound(const InstrumentReference& i) noexcept {
   return i.X_ref.p.allFinite() && std::abs(i.X_ref.q.norm() - 1) <= tolerance && i.load.allFinite() &&
-         i.way.allFinite() && at_least_zero(i.coupling.stiffness) && at_least_zero(i.coupling.rotational_stiffness) &&
-         at_least_zero(i.coupling.damping_time);
+         i.way.allFinite() && at_least_zero(i.coupling.stiffness) &&
+         at_least_zero(i.coupling.rotational_stiffness) && at_least_zero(i.coupling.damping_time);
 }
 
 bool compliance_is_sound(const CondensedProblem& p) noexcept {

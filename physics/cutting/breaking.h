@@ -6,9 +6,10 @@
 // what opened; σₙ is the mean of the face's two tetrahedra, in their turned frames. Ahead of a sharp crack
 // σₙ² falls as 1/l, so on fine meshes the load at which it runs is the toughness's; c is such that a beam of
 // two arms has the theory's with eight elements over an arm, and coarser ones are too strong. Only tension
-// opens faces. Units: Pa, m, J/m². Pre: the state's rotations are those at x. Errors: none. Cost: a pass over
-// the surface and the tetrahedra at it. Source: Griffith, Phil. Trans. A 221 (1921) 163; departure: the face
-// is the flaw.
+// opens faces. A crack that may choose its faces wanders and leaves crumbs, though a tetrahedron keeps one
+// face joined: where tissue parts along known planes, name their faces (`clefts`). Units: Pa, m, J/m². Pre:
+// the state's rotations are those at x. Errors: none. Cost: a pass over the tetrahedra. Source: Griffith,
+// Phil. Trans. A 221 (1921) 163; departure: the face is the flaw.
 #pragma once
 
 #include <cstdint>

@@ -68,9 +68,10 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option(
       "--also", a.also,
       "One more device, as the scene's first but with tissue, id and limits of its own; may be repeated");
-  app.add_option("--record", a.record,
-                 "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv. Of "
-                 "several instruments the first has this name, the others with their own: FILE.NAME.csv")
+  app.add_option(
+         "--record", a.record,
+         "Write every haptic tick to this directory, a rosbag2 recording; or to a CSV file: FILE.csv. Of "
+         "several instruments the first has this name, the others with their own: FILE.NAME.csv")
       ->type_name("DIR|FILE.csv");
   CLI::Option* capture = app.add_option(
       "--capture", a.capture,
@@ -112,16 +113,18 @@ void define(CLI::App& app, Arguments& a) {
 }
 
 void define_network(CLI::App& app, Arguments& a) {
-  CLI::Option* no_haptics = app.add_flag(
-      "--no-haptics", a.no_haptics,
-      "The simulation alone: devices and forces are at another process, mostly another machine (haptic edge)");
+  CLI::Option* no_haptics = app.add_flag("--no-haptics", a.no_haptics,
+                                         "The simulation alone: devices and forces are at another process, "
+                                         "mostly another machine (haptic edge)");
   for (const char* name : {"--record", "--capture", "--schedule", "--also", "--device"})
     no_haptics->excludes(app.get_option(name));
-  CLI::Option* interface = app.add_option("--interface", a.network.interface,
-                 "Serve this network interface, by name or address, instead of this machine alone; with --secure "
-                 "or --open-network")
-      ->check(network_name_fault)
-      ->type_name("NAME");
+  CLI::Option* interface =
+      app.add_option(
+             "--interface", a.network.interface,
+             "Serve this network interface, by name or address, instead of this machine alone; with --secure "
+             "or --open-network")
+          ->check(network_name_fault)
+          ->type_name("NAME");
   app.add_option("--peers", a.network.peers,
                  "Machines to look for there: HOST,HOST; default: whoever hears the network's multicast")
       ->delimiter(',')
@@ -135,8 +138,9 @@ void define_network(CLI::App& app, Arguments& a) {
 }
 
 // Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
-// of them, as it does while this one is busy, would end the process by default: it is handed over. The kernel lets
-// no thread send another what says that kill or the kernel sent it: so as if queued, and a lost terminal as SIGTERM.
+// of them, as it does while this one is busy, would end the process by default: it is handed over. The kernel
+// lets no thread send another what says that kill or the kernel sent it: so as if queued, and a lost terminal
+// as SIGTERM.
 pid_t waiting_thread = 0;
 void hand_over(int number, siginfo_t* info, void*) {
   const int before = errno;
@@ -293,9 +297,8 @@ int run(const Arguments& a) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
   take_dds_log();
-  Daemon daemon(
-      scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security, path(a.schedule),
-              !a.no_haptics});
+  Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security,
+                        path(a.schedule), !a.no_haptics});
   daemon.start();
   announce(daemon.grants());
   std::optional<MetricsServer> metrics;

@@ -23,7 +23,8 @@ std::string read_dds_profile(const std::string& name) {
 std::string default_dds_profile_name() { return realtime_allowed() ? "loopback_realtime" : "loopback"; }
 std::string default_dds_profile() {
   const Network& network = process_network();
-  return network.interface.empty() ? read_dds_profile(default_dds_profile_name()) : network_profile(network, realtime_allowed());
+  return network.interface.empty() ? read_dds_profile(default_dds_profile_name())
+                                   : network_profile(network, realtime_allowed());
 }
 
 std::string dds_place(std::uint32_t domain, const std::string& profile_name) {

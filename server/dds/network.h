@@ -1,11 +1,9 @@
 // Where a process meets others: which network, and at which station of it.
 //
-//   interface   none: this machine alone (loopback profiles). Else config/dds/network.xml or
-//   network_realtime.xml, with
-//               @INTERFACE@ and @DISCOVERY@ filled in
-//   peers       addresses that are asked, besides this machine; none: whoever hears the network's multicast
-//   station     a DDS partition: entities of two stations do not hear one another; none: the partition
-//   without a name
+//   interface   none: this machine alone (loopback profiles); else config/dds/network.xml or
+//               network_realtime.xml, with interface, peers and multicast filled in
+//   peers       addresses that are asked, besides this machine; none: whoever hears the multicast
+//   station     a DDS partition: two stations do not hear one another; none: the one without a name
 //
 // An interface reaches beyond this machine: participants then need keys, or open_network() (dds.h).
 // Thread safety: use_network belongs to the start, before any entity is made. Errors: network_profile throws

@@ -6,7 +6,6 @@
 #include "haptic/loop.h"
 #include "server/dds/borrowed.h"
 #include "server/observe/log.h"
-#include "server/os/realtime.h"
 
 namespace hapticd {
 namespace {
@@ -47,23 +46,14 @@ EdgeEnd::EdgeEnd(const Participant& participant, const LinkSettings& settings,
 EdgeEnd::~EdgeEnd() { stop(); }
 
 void EdgeEnd::start() {
-  thread_ = std::thread([this] {
-    name_thread("edge_link");
-    if (settings_.keep_off) leave_core(*settings_.keep_off);
-    use_fifo(dds_priority);
-    prefault_heap(sample_heap);
-    run();
-  });
+  thread_.start(settings_, [this] { run(); });
 }
 
-void EdgeEnd::stop() noexcept {
-  stopping_.store(true, relaxed);
-  if (thread_.joinable()) thread_.join();
-}
+void EdgeEnd::stop() noexcept { thread_.stop(); }
 
 void EdgeEnd::run() {
   std::int64_t next = monotonic_ns();
-  while (!stopping_.load(relaxed)) {
+  while (!thread_.stopping()) {
     wait_.until(next);
     const std::int64_t now = monotonic_ns();
     hear_clock(now);

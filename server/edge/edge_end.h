@@ -14,7 +14,6 @@
 
 #include <atomic>
 #include <nlohmann/json_fwd.hpp>
-#include <thread>
 
 #include "haptic/channel.h"
 #include "haptic/haptic_step.h"
@@ -86,8 +85,7 @@ class EdgeEnd {
   std::atomic<bool> clock_known_{false};
   std::atomic<std::int64_t> offset_ns_{0}, error_ns_{0}, round_trip_ns_{0};
   Histogram delay_;  // from publication to here
-  std::atomic<bool> stopping_{false};
-  std::thread thread_;
+  LinkThread thread_;
 };
 
 }  // namespace hapticd

@@ -1,11 +1,8 @@
 // The condensed problem as it crosses a network, both ways.
 //
-//   sent     C_pp: the mean of both triangles, single precision; positions, normals, weights: single
-//   precision, from
-//            an origin near the patch; samples that follow one another on a face share what they have in
-//            common
-//   read     only what has the version, the counts that belong together, and is sound
-//   (haptic/problem_check.h)
+//   sent     C_pp: the mean of both triangles; positions, normals, weights: from an origin near the patch;
+//            all in single precision. Samples that follow one another on a face share what is the face's
+//   read     only what has the version and counts that belong together, and is sound (problem_check.h)
 //
 // A problem of n nodes takes 18 n² + 30 n bytes and about 12 a sample. Units: SI. Thread safety: one thread
 // each. Guarantee: `read_problem` is noexcept and allocates nothing; `PackedProblem` allocates while problems

@@ -1,7 +1,7 @@
 // The topics of a daemon whose halves are two processes (idl/edge.idl).
 //
-//   haptic/edge/problem         reliable, volatile, writer keep last 1: what is lost is sent again until it
-//   is outdated haptic/edge/hands, /clock   best effort, volatile, writer keep last 1
+//   haptic/edge/problem         reliable, volatile, writer keep last 1: sent again until it is outdated
+//   haptic/edge/hands, /clock   best effort, volatile, writer keep last 1
 //
 // Readers keep the last 8, so that one writer cannot hide what another wrote.
 #pragma once

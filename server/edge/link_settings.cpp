@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <random>
+#include <utility>
 
 #include "haptic/loop.h"
+#include "server/os/realtime.h"
 
 namespace hapticd {
 
@@ -26,6 +28,21 @@ LinkWait::LinkWait(const Participant& participant, dds_entity_t reader, dds_enti
 void LinkWait::until(std::int64_t ns) noexcept {
   const std::int64_t left = ns - monotonic_ns();
   if (left > 0) dds_waitset_wait(set_.handle(), nullptr, 0, left);
+}
+
+void LinkThread::start(const LinkSettings& settings, std::function<void()> run) {
+  thread_ = std::thread([run = std::move(run), keep_off = settings.keep_off] {
+    name_thread("edge_link");
+    if (keep_off) leave_core(*keep_off);
+    use_fifo(dds_priority);
+    prefault_heap(sample_heap);
+    run();
+  });
+}
+
+void LinkThread::stop() noexcept {
+  stopping_.store(true, std::memory_order_relaxed);
+  if (thread_.joinable()) thread_.join();
 }
 
 }  // namespace hapticd

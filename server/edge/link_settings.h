@@ -1,8 +1,11 @@
 // What both ends of a link between simulation and edge have: whose it is, and how their thread waits.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <thread>
 
 #include "server/edge/edge_topics.h"
 
@@ -29,6 +32,20 @@ class LinkWait {
 
  private:
   DdsEntity set_, first_, second_;
+};
+
+// The thread of an end: at DDS's priority, off the core of the haptic loop. start and stop belong to one
+// thread.
+class LinkThread {
+ public:
+  ~LinkThread() { stop(); }
+  void start(const LinkSettings& settings, std::function<void()> run);
+  void stop() noexcept;
+  bool stopping() const noexcept { return stopping_.load(std::memory_order_relaxed); }
+
+ private:
+  std::atomic<bool> stopping_{false};
+  std::thread thread_;
 };
 
 }  // namespace hapticd

@@ -6,7 +6,6 @@
 
 #include "haptic/loop.h"
 #include "server/observe/log.h"
-#include "server/os/realtime.h"
 
 namespace hapticd {
 namespace {
@@ -42,22 +41,13 @@ SimulationEnd::SimulationEnd(const Participant& participant, const LinkSettings&
 SimulationEnd::~SimulationEnd() { stop(); }
 
 void SimulationEnd::start() {
-  thread_ = std::thread([this] {
-    name_thread("edge_link");
-    if (settings_.keep_off) leave_core(*settings_.keep_off);
-    use_fifo(dds_priority);
-    prefault_heap(sample_heap);
-    run();
-  });
+  thread_.start(settings_, [this] { run(); });
 }
 
-void SimulationEnd::stop() noexcept {
-  stopping_.store(true, relaxed);
-  if (thread_.joinable()) thread_.join();
-}
+void SimulationEnd::stop() noexcept { thread_.stop(); }
 
 void SimulationEnd::run() {
-  while (!stopping_.load(relaxed)) {
+  while (!thread_.stopping()) {
     wait_.until(monotonic_ns() + look_ns);
     const std::int64_t now = monotonic_ns();
     hear(now);

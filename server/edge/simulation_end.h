@@ -14,7 +14,6 @@
 
 #include <atomic>
 #include <nlohmann/json_fwd.hpp>
-#include <thread>
 
 #include "haptic/channel.h"
 #include "haptic/haptic_step.h"
@@ -71,8 +70,7 @@ class SimulationEnd {
     std::atomic<std::uint32_t> samples{0}, bytes{0}, count{0};
   };
   std::array<PatchSize, max_patch_nodes / 10 + 1> sizes_;  // by tens of nodes
-  std::atomic<bool> stopping_{false};
-  std::thread thread_;
+  LinkThread thread_;
 };
 
 }  // namespace hapticd

@@ -29,7 +29,12 @@ double volume_left(const Body& body) {
 
 void count_pieces(const Body& body, BodyMeasures& of) {
   const Pieces pieces = find_pieces(body.model, body.state);
-  of.pieces = pieces.count();
+  std::vector<double> volume(static_cast<std::size_t>(pieces.count()), 0.0);
+  for (int t = 0; t < body.model.tets_in_use; ++t)
+    if (const int p = pieces.of_tet[t]; p >= 0) volume[static_cast<std::size_t>(p)] += body.model.volume[t];
+  of.pieces = static_cast<int>(
+      std::count_if(volume.begin(), volume.end(), [&](double v) { return v >= crumb_share * of.volume; }));
+  of.crumbs = pieces.count() - of.pieces;
   of.pieces_most = std::max(of.pieces_most, of.pieces);
   of.loose = static_cast<int>(std::count(pieces.held.begin(), pieces.held.end(), char{0}));
 }
@@ -136,6 +141,7 @@ nlohmann::ordered_json to_json(const OperationMeasures& measures) {
                  {"volume_gone_mm3", 1e9 * body.volume_gone},
                  {"pieces", body.pieces},
                  {"pieces_most", body.pieces_most},
+                 {"crumbs", body.crumbs},
                  {"pieces_loose", body.loose},
                  {"strain_most", body.strain_most}});
     json["bodies"].push_back(std::move(of));

@@ -15,7 +15,7 @@ constexpr double covered = 0.8, open = 0.2;  // of the largest vacuum
 }  // namespace
 
 OperationEvents::OperationEvents(const World& world) : occluded_(world.instruments().size(), 0) {
-  for (const Body& body : world.bodies()) bodies_.push_back({.topology = body.topology, .pieces = 1});
+  for (const Body& body : world.bodies()) bodies_.push_back({.topology = body.topology});
 }
 
 void OperationEvents::add(double time, const char* what, std::string who, double value) {
@@ -48,7 +48,7 @@ void OperationEvents::follow_body(double time, const Body& body, const BodyMeasu
     if (time - seen.torn > apart) add(time, body.removable ? "crack" : "rupture", body.name, now.pieces);
     seen.torn = time;
   }
-  if (now.pieces > seen.pieces) add(time, "pieces", body.name, now.pieces);
+  if (seen.pieces > 0 && now.pieces > seen.pieces) add(time, "pieces", body.name, now.pieces);
   seen.pieces = std::max(seen.pieces, now.pieces);
   const double share = now.volume > 0 ? now.volume_gone / now.volume : 0;
   for (; seen.quarters < std::ssize(shares) && share >= shares[static_cast<std::size_t>(seen.quarters)];

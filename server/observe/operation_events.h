@@ -1,13 +1,13 @@
 // What happened in an operation, and when: a list that a trainer reads from top to bottom.
 //
-//   crack      a body's faces tear, after half a second without; value: its pieces then
+//   crack      a body is cut or tears, after half a second without; value: its pieces then
 //   rupture    the same, of a body that the tip may not destroy
 //   pieces     a body has come to more pieces than ever; value: how many
-//   gone       a quarter, half, three quarters, nine tenths of a body's volume are gone; value: the share
+//   gone       a quarter, half, three quarters, nine tenths of a body are gone; value: the share
 //   aspirated  fragments were sucked out; value: how many, in this step
-//   occluded   a pump draws four fifths of its largest vacuum, so tissue covers the port; value: the vacuum
-//   [Pa] vented     … it has fallen to a fifth touched    a body that the tip may not destroy is touched,
-//   after half a second without; value: the force [N]
+//   occluded   a pump draws four fifths of its largest vacuum: tissue covers the port; value: [Pa]
+//   vented     … it has fallen to a fifth; value: [Pa]
+//   touched    a body that the tip may not destroy is touched, after half a second without; value: [N]
 //
 // Units: s, scene units. At most `most_events` are kept, the first ones; the rest is counted.
 #pragma once
@@ -44,9 +44,9 @@ class OperationEvents {
   std::int64_t left_out() const { return left_out_; }
 
  private:
-  struct Seen {  // of a body
-    int topology = 0, pieces = 0, quarters = 0;
-    double torn = -1e9, touched = -1e9;  // when last [s]
+  struct Seen {                                  // of a body
+    int topology = 0, pieces = 0, quarters = 0;  // pieces of 0: not looked at yet
+    double torn = -1e9, touched = -1e9;          // when last [s]
   };
   void add(double time, const char* what, std::string who, double value);
   void follow_body(double time, const Body& body, const BodyMeasures& now, double touch, Seen& seen);

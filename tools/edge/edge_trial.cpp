@@ -2,12 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "server/edge/edge_problem.h"
-#include "server/files/input_error.h"
-#include "server/record/trajectory_reader.h"
 #include "tools/cli/progress.h"
 #include "tools/offline/offline_run.h"
 
@@ -15,24 +12,6 @@ namespace hapticd {
 namespace {
 
 constexpr int nodes_per_row = 20;
-
-OfflineInput motions_of(const Scene& scene, double seconds) {
-  OfflineInput input;
-  input.to = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < scene.instruments.size(); ++i) {
-    const SceneInstrument& held = scene.instruments[i];
-    if (!held.trajectory)
-      throw InputError(scene.file, 0, "trajectory", "is needed: the scene is tried along it");
-    std::vector<TrajectorySample> samples = read_trajectory(*held.trajectory, LengthUnit::metre).samples;
-    for (TrajectorySample& s : samples) s.pose = to_scene(held.device, s.pose);
-    const Trajectory motion = make_trajectory(std::move(samples));
-    input.from = i == 0 ? motion.begin() : std::max(input.from, motion.begin());
-    input.to = std::min(input.to, motion.end());
-    input.motion[static_cast<int>(i)] = motion;
-  }
-  if (seconds > 0) input.to = std::min(input.to, input.from + seconds);
-  return input;
-}
 
 // What was carried, by time and by size of the patch.
 class Traffic {
@@ -104,7 +83,8 @@ void compare(const std::vector<OfflineTick>& as_it_is, const std::vector<Offline
 }  // namespace
 
 EdgeTrial try_edge(const Scene& scene, double seconds) {
-  OfflineInput input = motions_of(scene, seconds);
+  OfflineInput input = along_trajectories(scene, "the scene is tried along it");
+  if (seconds > 0) input.to = std::min(input.to, input.from + seconds);
   EdgeTrial trial;
   trial.seconds = input.to - input.from;
   trial.rate = scene.rate;

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <utility>
 
 #include "physics/tissue/tetrahedron.h"
+#include "server/files/input_error.h"
+#include "server/record/trajectory_reader.h"
 #include "server/scene/scene_world.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
@@ -289,6 +292,22 @@ OfflineResult run_offline(const Scene& scene, const OfflineInput& input, const O
   }
   result.cut_area = run.world().cutting().area();
   return result;
+}
+
+OfflineInput along_trajectories(const Scene& scene, const std::string& why) {
+  OfflineInput input;
+  input.to = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < scene.instruments.size(); ++i) {
+    const SceneInstrument& held = scene.instruments[i];
+    if (!held.trajectory) throw InputError(scene.file, 0, "trajectory", "is needed: " + why);
+    std::vector<TrajectorySample> samples = read_trajectory(*held.trajectory, LengthUnit::metre).samples;
+    for (TrajectorySample& s : samples) s.pose = to_scene(held.device, s.pose);
+    const Trajectory motion = make_trajectory(std::move(samples));
+    input.from = i == 0 ? motion.begin() : std::max(input.from, motion.begin());
+    input.to = std::min(input.to, motion.end());
+    input.motion[static_cast<int>(i)] = motion;
+  }
+  return input;
 }
 
 }  // namespace hapticd

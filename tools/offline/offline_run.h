@@ -41,6 +41,10 @@ struct OfflineInput {
   RemovalSchedule removals;
 };
 
+// The scene's own trajectories, as long as all last. Throws InputError naming the scene where an instrument
+// has none; why: what it is needed for.
+OfflineInput along_trajectories(const Scene& scene, const std::string& why);
+
 // What becomes of a simulation step's problem at 1 kHz.
 enum class Rendering {
   solved,           // solved again each millisecond: what the daemon does

@@ -80,8 +80,9 @@ def operation(daemon, felt):
         "pieces_max": most["pieces_most"],
         "volume_gone_share": most["volume_gone_share"],
         "pieces_left_loose": sum(body["pieces_loose"] for body in soft),
+        "crumbs_left": most["crumbs"],
         "bodies": measures["bodies"],
-        "capsule_ruptures": sum(event["what"] == "rupture" for event in measures.get("events", [])),
+        "capsule_ruptures": sum(event["what"] == "rupture" and event["who"] == "capsule" for event in measures.get("events", [])),
         "events": measures.get("events", []),
     }
 

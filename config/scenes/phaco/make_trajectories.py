@@ -117,7 +117,7 @@ def crack(plan, other):
 def crack_across(plan, other):
     for x in (1.7, 0.9, -0.9, -1.7):
         floor = back(x, 0) + FLOOR
-        push_apart(plan, other, (x, -0.45, floor + TIP + STROKE), (x, 0.45, floor + 0.35), (0, -1, 0), 1.0)
+        push_apart(plan, other, (x, -0.45, floor + TIP + STROKE), (x, 0.45, floor + 0.35), (0, -1, 0), 1.3)
 
 
 def remove(plan):

@@ -109,6 +109,34 @@ TEST(Operation, CountsVolumeAndPieces) {
   EXPECT_EQ(body.loose, 0);
 }
 
+// Of a bar of 192 tetrahedra the last but one cell goes, and of the last all but one: a crumb, and no second
+// piece.
+TEST(Operation, WhatIsSmallerThanAHundredthIsACrumb) {
+  BodySettings bar{"bar", true, box_mesh(Vec3(0.01, 0.01, 0.32), 1, 1, 32), {5000, 0.3, 1000, 5, 0.002}, {},
+                   0,     true};
+  bar.fixed_nodes = bar.mesh.group("bottom")->nodes;
+  std::vector<int> gone;
+  bool kept = false;
+  for (int t = 0; t < static_cast<int>(bar.mesh.tets.size()); ++t) {
+    double z = 0;
+    for (const int n : bar.mesh.tets[t]) z += 0.25 * bar.mesh.nodes[n].z();
+    if (z < 0.30 || (z > 0.31 && !std::exchange(kept, true))) continue;
+    gone.push_back(t);
+  }
+  std::vector<BodySettings> bodies;
+  bodies.push_back(std::move(bar));
+  World world(std::move(bodies), ball(5e-3), settings());
+  Operation operation(world, period);
+  const auto problem = std::make_unique<CondensedProblem>();
+  world.schedule_removal(0, gone);
+  operation.follow(world, world.step([] { return InstrumentSamples(); }, *problem), InstrumentSamples());
+  const BodyMeasures body = operation.measures().bodies[0];
+  EXPECT_EQ(body.pieces, 1);
+  EXPECT_EQ(body.pieces_most, 1);
+  EXPECT_EQ(body.crumbs, 1);
+  EXPECT_EQ(body.loose, 1);
+}
+
 // Pressed, what the body feels is what the hand feels, and the strain lies above the mean compression.
 TEST(Operation, ATouchIsWhatTheHandFeels) {
   Bar bar;

@@ -37,11 +37,13 @@ json good_daemon() {
                {"volume_gone_share", 0.5},
                {"volume_gone_mm3", 1},
                {"pieces_most", 1},
+               {"crumbs", 0},
                {"pieces_loose", 0}},
               {{"name", "lens"},
                {"volume_gone_share", 0.25},
                {"volume_gone_mm3", 40},
                {"pieces_most", 4},
+               {"crumbs", 3},
                {"pieces_loose", 2}}}}}}};
 }
 json good_replay() {
@@ -86,6 +88,7 @@ TEST(DemoSummary, HasEveryFigureThatIsAskedFor) {
   EXPECT_EQ(v.summary["pieces_max"], 4) << "of the body that lost most";
   EXPECT_EQ(v.summary["volume_gone_share"], 0.25);
   EXPECT_EQ(v.summary["pieces_left_loose"], 2);
+  EXPECT_EQ(v.summary["crumbs_left"], 3);
   EXPECT_NEAR(v.summary["solver_cap_share"].get<double>(), 9.0 / 999, 1e-12);
   EXPECT_EQ(v.summary["hands"].size(), 1u);
   for (const char* key : {"p50", "p99", "max"}) EXPECT_TRUE(v.summary["sim_step_ms"][key].is_number());

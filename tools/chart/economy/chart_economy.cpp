@@ -16,23 +16,6 @@ namespace {
 
 constexpr double end_margin = 0.05;  // of the trajectory that is left out [s]
 
-OfflineInput input_of(const Scene& scene) {
-  OfflineInput input;
-  input.to = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < scene.instruments.size(); ++i) {
-    const SceneInstrument& held = scene.instruments[i];
-    if (!held.trajectory)
-      throw InputError(scene.file, 0, "trajectory", "is needed: a plan is measured along it");
-    std::vector<TrajectorySample> samples = read_trajectory(*held.trajectory, LengthUnit::metre).samples;
-    for (TrajectorySample& s : samples) s.pose = to_scene(held.device, s.pose);
-    const Trajectory motion = make_trajectory(std::move(samples));
-    input.from = i == 0 ? motion.begin() : std::max(input.from, motion.begin());
-    input.to = std::min(input.to, motion.end() - end_margin);
-    input.motion[static_cast<int>(i)] = motion;
-  }
-  return input;
-}
-
 double error_against(const std::vector<OfflineTick>& reference, const std::vector<OfflineTick>& run) {
   double squares = 0, peak = 0;
   const std::size_t ticks = std::min(reference.size(), run.size());
@@ -157,7 +140,8 @@ EconomyScene measure_economy(const Scene& scene, bool all, const EconomyProgress
   };
   if (!show(0, "plan")) return out;
   out.plan = make_plan(scene, {.idle_share = 0});
-  const OfflineInput input = input_of(scene);
+  OfflineInput input = along_trajectories(scene, "a plan is measured along it");
+  input.to -= end_margin;
   Scene whole = scene;
   whole.plans = false;
   if (!show(0.05, "reference")) return out;
