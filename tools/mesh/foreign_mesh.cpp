@@ -126,8 +126,8 @@ class Converter {
                   "apt install gmsh");
     }
     if (!is_installed(tetgen.name))
-      throw fault(name_of(format_) + ": " + wrong +
-                  " (tetgen keeps the surface's own triangles: apt install tetgen)");
+      throw fault(name_of(format_) + " that gmsh does not fill: it is not closed, or crosses itself (" +
+                  wrong + "); tetgen, which keeps the surface's own triangles, may: apt install tetgen");
     // It writes beside what it reads.
     const fs::path copy = options_.folder / "tetgen.stl", output = options_.folder / "tetgen.1.vtk";
     fs::copy_file(surface, copy, fs::copy_options::overwrite_existing);
