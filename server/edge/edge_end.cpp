@@ -14,6 +14,7 @@ constexpr auto relaxed = std::memory_order_relaxed;
 constexpr std::int64_t period_ns = 1'000'000;  // of hands
 constexpr std::int64_t say_every_ns = 10'000'000'000;
 constexpr std::int64_t rival_stays_ns = 500'000'000;
+constexpr std::int64_t still_heard_ns = 100'000'000;  // five steps of the simulation
 // By so much more than the clocks' error may a problem come from the future: threads are put aside meanwhile.
 constexpr std::int64_t ahead_ns = 1'000'000;
 
@@ -28,7 +29,7 @@ constexpr const char* words[] = {
     "the simulation has another edge: this one does not arm until that one is gone",
     "problems that come late or twice are refused",
     "problems from the future are refused: the clock of the simulation's machine was changed",
-    "a second simulation writes this world's problems: nothing is armed until one of them is gone"};
+    "a second simulation writes this world's problems: nothing is armed while both are heard"};
 
 }  // namespace
 
@@ -82,7 +83,8 @@ void EdgeEnd::hear_problems(std::int64_t now_ns) {
   problem_reader_.take_each([&](const hapticd_msg_EdgeProblem& m, const dds_sample_info_t& info) {
     if (m.world != settings_.world) return;
     if (!keep(m.simulation, info.publication_handle, now_ns)) {
-      rival_ns_.store(now_ns, relaxed);
+      // One whose predecessor has fallen silent takes its place soon; two that are heard are rivals.
+      if (now_ns - heard_ns_ < still_heard_ns) rival_ns_.store(now_ns, relaxed);
       refuse(Refusal::rival, now_ns);
     } else if (const std::optional<Refusal> why = take(m, now_ns)) {
       refuse(*why, now_ns);

@@ -6,10 +6,10 @@
 // A problem's age therefore counts the network's delay. Not passed on: what read_problem refuses, another
 // scene's, what is for another edge, an older number than the newest, and a time that is not over yet; the
 // safety table then goes by the age of the last. The simulation heard first is kept until it was silent for
-// `edge_stays_ns`; another one that is heard meanwhile is a rival, as a second daemon is. Problems of a
-// simulation that starts again count on. Thread safety: start and stop belong to one thread; `rival`, `turns`
-// and `summary` may be called by any; the link's thread alone writes `problems` and reads `instruments`.
-// Errors: the constructor throws std::runtime_error.
+// `edge_stays_ns`; another one is refused until then, and a rival, as a second daemon is, while both are
+// heard. Problems of a simulation that starts again count on. Thread safety: start and stop belong to one
+// thread; `rival`, `turns` and `summary` may be called by any; the link's thread alone writes `problems` and
+// reads `instruments`. Errors: the constructor throws std::runtime_error.
 #pragma once
 
 #include <atomic>
