@@ -7,6 +7,7 @@
 
 #include "haptic/allocation_count.h"
 #include "server/dds/dds_sockets.h"
+#include "server/dds/network.h"
 #include "server/observe/dds_log.h"
 #include "server/observe/log.h"
 #include "server/scene/scene_world.h"
@@ -118,6 +119,7 @@ std::string Daemon::failure() const {
 std::string Daemon::metrics() const {
   ProcessMetrics process;
   process.version = HAPTICD_VERSION;
+  process.station = process_network().station;
   process.resident_bytes = 1e6 * resident_mb();
   process.uptime_s = 1e-9 * static_cast<double>(monotonic_ns() - made_ns_);
   for (const Grant& g : grants_) process.grants_refused += !g.granted;

@@ -192,6 +192,7 @@ void SimulationLoop::publish_snapshots(std::int64_t step_ns, const StepReport& r
     snapshot.health.step = world_.steps();
     snapshot.health.part_ns = part_ns_;
     snapshot.health.bodies = report.compliance;
+    if (channel == snapshots_.front()) snapshot.operation_events = operation_.newest(snapshot.operation);
     channel->publish();
   }
 }

@@ -37,6 +37,7 @@ std::atomic<bool> network_is_open{false};
 // What a domain with its participant takes, and some to spare.
 constexpr int cyclone_threads = 10, cyclone_descriptors = 16;
 }  // namespace
+bool is_network_open() noexcept { return network_is_open.load(std::memory_order_relaxed); }
 void open_network() noexcept { network_is_open.store(true, std::memory_order_relaxed); }
 
 dds_entity_t require(dds_entity_t code, const std::string& what) {
@@ -99,6 +100,22 @@ Qos retained_qos() {
   dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED,
                               DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
   at_station(*qos);
+  return qos;
+}
+
+// Instances are the devices' ids, which stations share: hence the depth.
+Qos onlooker_qos() {
+  constexpr int depth = 512;
+  Qos qos(dds_create_qos(), &dds_delete_qos);
+  dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
+  dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+  dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
+  if (process_network().station.empty()) {
+    const char* stations[] = {"", "*"};
+    dds_qset_partition(qos.get(), 2, stations);
+  } else {
+    at_station(*qos);
+  }
   return qos;
 }
 

@@ -2,7 +2,7 @@
 //
 //   haptic/device/state, /force                      best effort, volatile, writer keep last 1
 //   haptic/server/status, /health                    reliable, transient-local, keep last 1
-//   haptic/scene/geometry, /update, /instrument      reliable, transient-local, keep last 1
+//   haptic/scene/geometry, /update, /instrument, /operation   reliable, transient-local, keep last 1
 //
 // No topic has a latency budget, because any above zero loses most 1 kHz samples. State has *shared*
 // ownership and a reader depth of 8; the daemon itself keeps to the first client, by a filter
@@ -40,6 +40,7 @@ std::string dds_place(std::uint32_t domain, const std::string& profile_name);
 
 // Allows from now on a profile that reaches beyond this machine without security (--open-network).
 void open_network() noexcept;
+bool is_network_open() noexcept;
 
 // Throws std::runtime_error("<what>: <reason>") for a negative code, else returns it.
 dds_entity_t require(dds_entity_t code, const std::string& what);
@@ -96,6 +97,9 @@ using Qos = std::unique_ptr<dds_qos_t, decltype(&dds_delete_qos)>;
 
 Qos realtime_qos(int depth);  // best effort, volatile, keep last `depth`
 Qos retained_qos();           // reliable, transient-local, keep last 1
+// Of readers that look on from afar: at all stations, or at this process's if it has one (network.h). Best
+// effort and volatile: no writer waits for them, answers them or keeps anything for them.
+Qos onlooker_qos();
 
 inline constexpr int state_reader_depth = 8;
 
@@ -152,6 +156,14 @@ struct TopicTraits<hapticd_msg_ServerHealth> {
   static Qos writer_qos() { return retained_qos(); }
 };
 
+template <>
+struct TopicTraits<hapticd_msg_SceneOperation> {
+  static constexpr const char* name = "haptic/scene/operation";
+  static const dds_topic_descriptor_t& descriptor() noexcept { return hapticd_msg_SceneOperation_desc; }
+  static Qos reader_qos() { return retained_qos(); }
+  static Qos writer_qos() { return retained_qos(); }
+};
+
 template <typename T>
 DdsEntity make_topic(const Participant& participant) {
   using Traits = TopicTraits<T>;
@@ -189,6 +201,10 @@ template <typename T>
 class Reader {
  public:
   explicit Reader(const Participant& participant) : Reader(participant, dds_topic_filter{}) {}
+  Reader(const Participant& participant, const Qos& qos)
+      : topic_(make_topic<T>(participant)),
+        entity_(require(dds_create_reader(participant.handle(), topic_.handle(), qos.get(), nullptr),
+                        std::string("reader of ") + TopicTraits<T>::name)) {}
   // With a filter, which Cyclone's receive thread asks before it keeps a sample.
   Reader(const Participant& participant, const dds_topic_filter& filter)
       : topic_(filtered(make_topic<T>(participant), filter)),

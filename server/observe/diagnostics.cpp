@@ -17,7 +17,7 @@ namespace {
 
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr auto turn = std::chrono::milliseconds(20);
-constexpr int turns_per_status = 5, turns_per_update = 2;
+constexpr int turns_per_status = 5, turns_per_update = 2, turns_per_operation = 25;
 constexpr std::int64_t geometry_every_ns = 100'000'000;  // a mesh that is being cut
 
 nlohmann::json percentiles(const Histogram& histogram, double unit) {
@@ -82,14 +82,11 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
 }
 
 Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& m, std::int64_t time_ns) {
-  constexpr std::uint32_t errors = status_problem_lost | status_latched | status_not_finite | status_rival;
-  constexpr std::uint32_t ordinary =
-      status_disarmed | status_ramping_up | status_saturated | status_slew_limited | status_blending;
   Diagnostic d;
   d.time_ns = time_ns;
-  d.level = m.status & errors      ? Diagnostic::error
-            : m.status & ~ordinary ? Diagnostic::warning
-                                   : Diagnostic::ok;
+  d.level = m.status & status_errors      ? Diagnostic::error
+            : m.status & ~status_ordinary ? Diagnostic::warning
+                                          : Diagnostic::ok;
   d.name = "hapticd";
   d.message = d.level == Diagnostic::ok ? "all well" : "status " + std::to_string(m.status);
   d.values = {{"scene", m.scene},
@@ -120,6 +117,7 @@ Diagnostics::Diagnostics(const Participant& participant, const Scene& scene, con
       geometry_(participant),
       update_(participant),
       instrument_writer_(participant),
+      operation_(participant),
       scope_(scope.value_or(DiagnosticsScope{scene.first().device.id, true})),
       health_(participant, scene, scope_.device_id) {
   if (record && record->extension() == ".csv")
@@ -185,6 +183,7 @@ void Diagnostics::run() noexcept {
     snapshots_.acquire();
     if (n % turns_per_update == 0) publish_update();
     if (n % turns_per_status == 0) publish_status();
+    if (n % turns_per_operation == 0) publish_operation();
     std::this_thread::sleep_for(turn);
   }
   drain();
@@ -192,6 +191,7 @@ void Diagnostics::run() noexcept {
   snapshots_.acquire();
   publish_update();
   publish_status();
+  publish_operation();
   if (bag_) bag_->stop();
   if (!record_) return;
   record_->flush();
@@ -339,6 +339,15 @@ void Diagnostics::publish_status() {
   if (health_.heard())
     health_.publish(statistics_.wake.snapshot(), statistics_.solve.snapshot(), snapshot.health);
   if (bag_) bag_->push(diagnostic_of(m, now));
+}
+
+void Diagnostics::publish_operation() {
+  const SceneSnapshot& snapshot = snapshots_.front();
+  if (snapshot.operation.hands.empty() || operation_.matched() == 0) return;
+  std::vector<hapticd_msg_HandOperation> hands;
+  std::vector<hapticd_msg_BodyOperation> bodies;
+  operation_.write(operation_message(scope_.device_id, scene_->name, snapshot.operation,
+                                     snapshot.operation_events, hands, bodies));
 }
 
 }  // namespace hapticd

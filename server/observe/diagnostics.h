@@ -2,6 +2,7 @@
 //
 //   10 Hz   ServerStatus            from the loop's statistics and the newest snapshot
 //   10 Hz   ServerHealth            while somebody listens (health.h)
+//   2 Hz    SceneOperation          while somebody listens (operation.h)
 //   once    SceneGeometry           per body, kept by DDS for late readers; SceneInstrument
 //   25 Hz   SceneUpdate             per deformable body, from the newest snapshot
 //   50 Hz   the ROS 2 mirror        of the newest tick, where the scene asks for it (ros2_mirror.h)
@@ -28,6 +29,7 @@
 #include "server/observe/bag_recorder.h"
 #include "server/observe/body_snapshot.h"
 #include "server/observe/health.h"
+#include "server/observe/operation.h"
 #include "server/os/realtime.h"
 #include "server/record/force_record.h"
 #include "server/scene/scene.h"
@@ -46,7 +48,15 @@ struct SceneSnapshot {
   double step_ms = 0;
   double rate_hz = 0;
   StepHealth health;
+  OperationMeasures operation;         // of a world's first device; others have no hands
+  std::uint64_t operation_events = 0;  // of which `operation` has the newest
 };
+
+// As the topic has it: strings and sequences borrow from `measures`, the vectors and the scene's name.
+hapticd_msg_SceneOperation operation_message(std::uint32_t device_id, const std::string& scene,
+                                             const OperationMeasures& measures, std::uint64_t events,
+                                             std::vector<hapticd_msg_HandOperation>& hands,
+                                             std::vector<hapticd_msg_BodyOperation>& bodies);
 
 // The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
 // slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, timer_us, solve_us,
@@ -54,6 +64,12 @@ struct SceneSnapshot {
 // penetration_max_um, states_rejected, conflicts, solver_caps, page_faults; wake_histogram and likewise for
 // the others ([[middle of a bin in µs, count], …], so that a caller can subtract two summaries).
 nlohmann::json loop_summary(const LoopStatistics& statistics);
+
+// Bits of a status (haptic/device.h) that are an error; those that are no fault.
+inline constexpr std::uint32_t status_errors =
+    status_problem_lost | status_latched | status_not_finite | status_rival;
+inline constexpr std::uint32_t status_ordinary =
+    status_disarmed | status_ramping_up | status_saturated | status_slew_limited | status_blending;
 
 // A status as a recording keeps it.
 Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& status, std::int64_t time_ns);
@@ -115,6 +131,7 @@ class Diagnostics {
   void publish_geometry(std::size_t body, std::vector<float>& rest, std::vector<std::uint32_t>& tets,
                         std::vector<std::uint32_t>& opened);
   void publish_status();
+  void publish_operation();
   void publish_update();
   void write_capture_if_new() noexcept;
 
@@ -135,6 +152,7 @@ class Diagnostics {
   Writer<hapticd_msg_SceneGeometry> geometry_;
   Writer<hapticd_msg_SceneUpdate> update_;
   Writer<hapticd_msg_SceneInstrument> instrument_writer_;
+  Writer<hapticd_msg_SceneOperation> operation_;
   const DiagnosticsScope scope_;
   HealthPublisher health_;
   std::string refused_;              // "", or what of the real-time set-up is missing

@@ -1,6 +1,7 @@
 #include "server/observe/health.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "server/dds/borrowed.h"
 #include "server/scene/scene_describe.h"
@@ -40,6 +41,16 @@ std::vector<std::uint32_t> health_counts(const HistogramSnapshot& histogram) {
         static_cast<std::uint32_t>(histogram.bin[static_cast<std::size_t>(i)]);
   }
   return out;
+}
+
+double health_quantile_ns(const std::vector<std::uint32_t>& counts, double q) {
+  std::uint64_t all = 0, below = 0;
+  for (std::uint32_t n : counts) all += n;
+  if (all == 0) return std::nan("");
+  std::size_t bin = 0;
+  for (; bin + 1 < counts.size(); ++bin)
+    if (static_cast<double>(below += counts[bin]) >= q * static_cast<double>(all)) break;
+  return std::ldexp(1 + 0.25 * static_cast<double>(bin % 4), 10 + static_cast<int>(bin / 4));
 }
 
 void ForceBlocks::note(const Vec3& force) {

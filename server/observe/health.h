@@ -28,6 +28,8 @@ inline constexpr int health_octaves = 14, health_bins = 1 + 4 * health_octaves;
 inline constexpr std::size_t ticks_per_block = 10, blocks_kept = 100;
 
 std::vector<std::uint32_t> health_counts(const HistogramSnapshot& histogram);
+// Upper edge of the bin in which the share q of these counts is reached [ns]; NaN: there are none.
+double health_quantile_ns(const std::vector<std::uint32_t>& counts, double q);
 
 // The newest forces, folded.
 class ForceBlocks {

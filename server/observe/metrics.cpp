@@ -13,8 +13,6 @@ std::string number(double x) {
   return text;
 }
 
-std::string label(const MetricsSource& d) { return "device=\"" + std::to_string(d.device_id) + "\""; }
-
 // A label's value, as the format wants it.
 std::string escaped(const std::string& text) {
   std::string out;
@@ -27,12 +25,14 @@ std::string escaped(const std::string& text) {
 
 class Page {
  public:
-  explicit Page(const std::vector<MetricsSource>& devices) : devices_(devices) {}
+  Page(const std::string& station, const std::vector<MetricsSource>& devices)
+      : station_(station.empty() ? "" : "station=\"" + escaped(station) + "\""), devices_(devices) {}
 
   void one(const std::string& name, const char* type, const char* help, const std::string& labels,
            double value) {
     head(name, type, help);
-    text_ += name + (labels.empty() ? "" : "{" + labels + "}") + " " + number(value) + "\n";
+    const std::string all = labels + (labels.empty() || station_.empty() ? "" : ",") + station_;
+    text_ += name + (all.empty() ? "" : "{" + all + "}") + " " + number(value) + "\n";
   }
 
   void information(const std::string& name, const char* help) {
@@ -80,10 +80,14 @@ class Page {
   std::string text() { return std::move(text_); }
 
  private:
+  std::string label(const MetricsSource& d) const {
+    return "device=\"" + std::to_string(d.device_id) + "\"" + (station_.empty() ? "" : ",") + station_;
+  }
   void head(const std::string& name, const char* type, const char* help) {
     text_ += "# HELP " + name + " " + help + "\n# TYPE " + name + " " + type + "\n";
   }
 
+  const std::string station_;
   const std::vector<MetricsSource>& devices_;
   std::string text_;
 };
@@ -92,7 +96,7 @@ class Page {
 
 std::string prometheus_text(const ProcessMetrics& process, const std::vector<MetricsSource>& devices) {
   using M = MetricsSource;
-  Page p(devices);
+  Page p(process.station, devices);
   p.one("hapticd_info", "gauge", "The program.", "version=\"" + escaped(process.version) + "\"", 1);
   p.information("hapticd_device_info", "A device: its instrument, and the world that it shares with others.");
   p.one("hapticd_uptime_seconds", "gauge", "Since the start.", "", process.uptime_s);

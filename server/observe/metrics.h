@@ -11,6 +11,7 @@
 //   hapticd_device_info{device,instrument,world}   1: whose device it is; devices of one world share its steps
 //   hapticd_packets_refused_total, hapticd_dds_lines_total, hapticd_log_lines_lost_total      of the process
 //   hapticd_armed, hapticd_second_daemon, hapticd_force_peak_newtons, …                       gauges
+// A daemon with a station has the label `station` besides, on every sample.
 //
 // A histogram's bounds are 2^k and 1.5·2^k ns, k = 12 … 27 (4 µs to 0.2 s). They are edges of the bins in
 // which the loops count (haptic/histogram.h), so no count is split. Units: seconds, newtons, bytes. Errors:
@@ -40,6 +41,7 @@ struct MetricsSource {
 
 struct ProcessMetrics {
   std::string version;
+  std::string station = {};  // a label of every sample; "": none
   double resident_bytes = 0, uptime_s = 0;
   int grants_refused = 0;  // of the real-time set-up
   std::uint64_t packets_refused = 0, dds_lines = 0, lines_lost = 0;

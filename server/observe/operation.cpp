@@ -66,6 +66,17 @@ OperationMeasures Operation::measures() const {
   return measures;
 }
 
+std::uint64_t Operation::newest(OperationMeasures& into) const {
+  const std::lock_guard lock(mutex_);
+  into.time = shown_.time;
+  into.hands = shown_.hands;
+  into.bodies = shown_.bodies;
+  const std::vector<OperationEvent>& events = events_.all();
+  into.events.clear();
+  if (!events.empty()) into.events.push_back(events.back());
+  return events.size() + static_cast<std::uint64_t>(events_.left_out());
+}
+
 void Operation::follow(const World& world, const StepReport& report, const InstrumentSamples& samples) {
   measures_.time += period_;
   follow_hands(report, samples);

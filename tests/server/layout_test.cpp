@@ -111,6 +111,7 @@ const std::map<std::string, std::vector<std::string>> rooms = {
       "stability/bench"}},
     {"tools/stability/bench", {"client", "offline"}},
     {"tools/view", {"cli", "client"}},
+    {"tools/fleet", {"cli", "view"}},
 };
 
 TEST(Layout, RoomsOfServerAndToolsIncludeOneWay) {

@@ -36,6 +36,7 @@ Command add_soak(CLI::App& application);
 Command add_abuse(CLI::App& application);
 Command add_device(CLI::App& application);
 Command add_edge(CLI::App& application);
+Command add_fleet(CLI::App& application);
 Command add_doctor(CLI::App& application);
 Command add_stability(CLI::App& application);
 Command add_view(CLI::App& application);
@@ -49,5 +50,6 @@ Command add_chart_force(CLI::App& chart);
 Command add_chart_all(CLI::App& chart);
 Command add_chart_step(CLI::App& chart);
 Command add_chart_pieces(CLI::App& chart);
+Command add_chart_merge(CLI::App& chart);
 
 }  // namespace hapticd

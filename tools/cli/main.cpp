@@ -52,7 +52,7 @@ int main(int argc, char** argv) {
                               add_soak(application),   add_abuse(application),  add_mesh(application),
                               add_doctor(application), add_record(application), add_stability(application),
                               add_view(application),   add_device(application), add_reset(application),
-                              add_reload(application), add_edge(application)};
+                              add_reload(application), add_edge(application),   add_fleet(application)};
   Network network;
   add_network_options(application, network);
   application.add_flag_callback(

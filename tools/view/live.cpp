@@ -3,6 +3,7 @@
 #include <span>
 
 #include "haptic/loop.h"
+#include "tools/view/page_service.h"
 
 namespace hapticd {
 namespace {
@@ -32,10 +33,6 @@ TetMesh mesh_of(const hapticd_msg_SceneGeometry& m) {
     if (fits) mesh.tets.push_back({int(t[0]), int(t[1]), int(t[2]), int(t[3])});
   }
   return mesh;
-}
-
-SharedMessage text(std::string key, std::string json) {
-  return std::make_shared<const ViewMessage>(ViewMessage{std::move(key), false, std::move(json)});
 }
 
 }  // namespace
@@ -138,7 +135,7 @@ std::vector<SharedMessage> LiveSource::poll(bool watched) {
   health_.take_each([&](const hapticd_msg_ServerHealth& m, const dds_sample_info_t&) {
     std::string json = health_json(m);
     health_of_[m.device_id] = nlohmann::json::parse(json);
-    out.push_back(text("health/" + std::to_string(m.device_id), std::move(json)));
+    out.push_back(page_text("health/" + std::to_string(m.device_id), std::move(json)));
   });
   const std::int64_t now_ns = monotonic_ns();
   bool news = !said_;
@@ -152,7 +149,7 @@ std::vector<SharedMessage> LiveSource::poll(bool watched) {
   news = news || daemon != daemon_;
   daemon_ = daemon;
   said_ = true;
-  if (news) out.push_back(text("status", status_json(daemon, domain_, devices_)));
+  if (news) out.push_back(page_text("status", status_json(daemon, domain_, devices_)));
   return out;
 }
 

@@ -21,7 +21,7 @@ std::string type_of(const fs::path& file) {
 
 }  // namespace
 
-PageFiles::PageFiles(const fs::path& folder) {
+PageFiles::PageFiles(const fs::path& folder, const std::string& index) : index_("/" + index) {
   std::error_code error;
   for (fs::recursive_directory_iterator i(folder, error), end; !error && i != end; i.increment(error)) {
     const fs::path& file = i->path();
@@ -30,14 +30,13 @@ PageFiles::PageFiles(const fs::path& folder) {
       continue;
     files_["/" + file.lexically_relative(folder).generic_string()] = {type, read_bytes(file)};
   }
-  if (!files_.contains("/index.html"))
-    throw InputError(folder / "index.html", 0, "",
-                     "the page's files are not there: is hapticd installed whole?");
+  if (!files_.contains(index_))
+    throw InputError(folder / index, 0, "", "the page's files are not there: is hapticd installed whole?");
 }
 
 const PageFile* PageFiles::find(std::string_view target) const {
   target = target.substr(0, target.find_first_of("?#"));
-  const auto found = files_.find(target == "/" ? std::string_view("/index.html") : target);
+  const auto found = files_.find(target == "/" ? std::string_view(index_) : target);
   return found == files_.end() ? nullptr : &found->second;
 }
 

@@ -1,8 +1,8 @@
 // The page: its files by the path that a browser asks for, read once at the start.
 //
-// Nothing is looked up on the disk for a request, so no path leads out of the folder. "/" is index.html.
-// Files of other kinds than a page is made of, hidden ones and links are not part of it. Errors: InputError
-// where the folder or its index.html is missing.
+// "/" is the index, index.html or one that is named. Nothing is looked up on the disk for a request, so no
+// path leads out of the folder. Files of other kinds than a page is made of, hidden ones and links are not
+// part of it. Errors: InputError where the folder or its index.html is missing.
 #pragma once
 
 #include <filesystem>
@@ -19,7 +19,7 @@ struct PageFile {
 
 class PageFiles {
  public:
-  explicit PageFiles(const std::filesystem::path& folder);
+  explicit PageFiles(const std::filesystem::path& folder, const std::string& index = "index.html");
 
   // target: as in the request; what follows a '?' is left out, %-sequences are not decoded. Null: no such
   // file.
@@ -28,6 +28,7 @@ class PageFiles {
 
  private:
   std::map<std::string, PageFile, std::less<>> files_;
+  std::string index_;
 };
 
 // The folder of the installed page, or of the source's.

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
@@ -13,55 +12,23 @@
 #include "server/files/usage.h"
 #include "server/os/realtime.h"
 #include "tools/cli/command.h"
-#include "tools/cli/interrupt.h"
 #include "tools/cli/report.h"
 #include "tools/view/live.h"
-#include "tools/view/page_server.h"
+#include "tools/view/page_service.h"
 #include "tools/view/playback.h"
 #include "tools/view/remote_hand.h"
 
 namespace hapticd {
 namespace {
 
-constexpr auto turn = std::chrono::milliseconds(10);
-
 struct ViewOptions {
   PageServerSettings server;
   std::string recording, scene, topic, secure, role = "viewer", page;
   std::uint32_t domain = 0, device_id = 0;
   bool control = false;
-  double duration = 0;
+  double duration = 0, idle = 0;
 };
 
-// Texts of viewers, from the server's thread to this one.
-class Texts {
- public:
-  void add(std::uint64_t viewer, const std::string& text) {
-    const std::lock_guard lock(mutex_);
-    if (texts_.size() < 1000) texts_.emplace_back(viewer, text);
-  }
-  std::vector<std::pair<std::uint64_t, std::string>> take() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(texts_, {});
-  }
-
- private:
-  std::mutex mutex_;
-  std::vector<std::pair<std::uint64_t, std::string>> texts_;
-};
-
-void say_where(const PageServer& server, const ViewOptions& o) {
-  const bool any = o.server.address == "0.0.0.0" || o.server.address == "::";
-  const bool v6 = o.server.address.find(':') != std::string::npos;
-  const std::string host = any ? "127.0.0.1" : v6 ? "[" + o.server.address + "]" : o.server.address;
-  std::printf("haptic view: http://%s:%u/\n", host.c_str(), server.port());
-  if (o.server.address != "127.0.0.1" && o.server.address != "::1")
-    std::fprintf(stderr, "haptic: whoever reaches %s sees the scene%s: there is no password and no TLS\n",
-                 o.server.address.c_str(), o.control ? " and may take the hand" : "");
-  std::fflush(stdout);
-}
-
-// Until interrupted: what `poll` has goes to the viewers, what they say to `hear`.
 // {"reset": true} from a page: the daemon is asked, on a thread of its own, once at a time.
 class ResetButton {
  public:
@@ -74,7 +41,8 @@ class ResetButton {
       try {
         const CommandReply reply = ask_server(participant_, ServerCommand::reset, 5);
         if (!reply.done)
-          std::fprintf(stderr, "haptic: reset: %s\n", reply.heard ? reply.message.c_str() : "no daemon answered");
+          std::fprintf(stderr, "haptic: reset: %s\n",
+                       reply.heard ? reply.message.c_str() : "no daemon answered");
       } catch (const std::exception& e) {
         std::fprintf(stderr, "haptic: reset: %s\n", e.what());
       }
@@ -88,20 +56,13 @@ class ResetButton {
   std::jthread asking_;
 };
 
-template <typename Poll, typename Hear>
-void serve(const ViewOptions& o, Poll&& poll, Hear&& hear) {
-  Texts texts;
-  PageServer server(o.server, PageFiles(o.page.empty() ? page_folder() : std::filesystem::path(o.page)),
-                    [&](std::uint64_t viewer, const std::string& text) { texts.add(viewer, text); });
-  say_where(server, o);
-  const auto begun = std::chrono::steady_clock::now();
-  while (!interrupted()) {
-    for (const auto& [viewer, text] : texts.take()) hear(viewer, text);
-    for (SharedMessage& m : poll(server.viewers() > 0)) server.put(std::move(m));
-    std::this_thread::sleep_for(turn);
-    const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - begun;
-    if (o.duration > 0 && passed.count() > o.duration) break;
-  }
+void serve(const ViewOptions& o, PagePoll poll, PageHear hear) {
+  serve_page({.server = o.server,
+              .command = "haptic view",
+              .exposed = o.control ? "sees the scene and may take the hand" : "sees the scene",
+              .duration = o.duration,
+              .idle = o.idle},
+             PageFiles(o.page.empty() ? page_folder() : std::filesystem::path(o.page)), poll, hear);
 }
 
 int view_recording(const ViewOptions& o) {
@@ -187,6 +148,9 @@ Command add_view(CLI::App& application) {
       ->capture_default_str();
   app->add_option("--page", o->page, "the page's files, if not the installed ones")->type_name("DIR");
   app->add_option("--duration", o->duration, "stop after so many seconds; 0: at Ctrl-C")
+      ->check(not_negative)
+      ->capture_default_str();
+  app->add_option("--idle", o->idle, "stop after nobody has looked for so many seconds; 0: never")
       ->check(not_negative)
       ->capture_default_str();
   app->footer(

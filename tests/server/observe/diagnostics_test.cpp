@@ -33,6 +33,29 @@ Scene tetrahedron() {
   return scene;
 }
 
+// An event is of the newest; a body's loss is a share.
+TEST(Diagnostics, AnOperationsMessageHasItsMeasures) {
+  OperationMeasures m{
+      .time = 12.5, .hands = {{0.3, 4, 2, 1, 0.5}}, .bodies = {}, .events = {{3.5, "crack", "lens", 2}}};
+  m.bodies.push_back({.name = "lens", .deformable = true, .volume = 2e-7, .volume_gone = 5e-8, .pieces = 4});
+  std::vector<hapticd_msg_HandOperation> hands;
+  std::vector<hapticd_msg_BodyOperation> bodies;
+  const std::string scene = "phaco";
+  const hapticd_msg_SceneOperation out = operation_message(3, scene, m, 17, hands, bodies);
+  EXPECT_EQ(out.device_id, 3u);
+  EXPECT_STREQ(out.scene, "phaco");
+  ASSERT_EQ(out.hands._length, 1u);
+  EXPECT_FLOAT_EQ(out.hands._buffer[0].path, 0.3f);
+  EXPECT_FLOAT_EQ(out.hands._buffer[0].force_most, 0.5f);
+  ASSERT_EQ(out.bodies._length, 1u);
+  EXPECT_STREQ(out.bodies._buffer[0].name, "lens");
+  EXPECT_FLOAT_EQ(out.bodies._buffer[0].volume_gone, 0.25f);
+  EXPECT_EQ(out.bodies._buffer[0].pieces, 4u);
+  EXPECT_EQ(out.events, 17u);
+  EXPECT_STREQ(out.event, "crack");
+  EXPECT_EQ(out.event_time, 3.5);
+}
+
 TEST(Diagnostics, BitsArePackedLeastSignificantFirst) {
   std::vector<std::uint8_t> bits;
   pack_bits({1, 0, 0, 1, 1, 1, 1, 1, 0, 1}, bits);

@@ -92,6 +92,19 @@ TEST(Metrics, DevicesOfOneWorldAreTold) {
     EXPECT_NE(text.find(line), std::string::npos) << line;
 }
 
+// Braces of a sample hold the station beside what else it has; without a station no sample names one.
+TEST(Metrics, AStationIsALabelOfEverySample) {
+  std::istringstream text(prometheus_text({.version = "1", .station = "lab3"}, {device(0)}));
+  int samples = 0;
+  for (std::string line; std::getline(text, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    ++samples;
+    EXPECT_NE(line.find("station=\"lab3\""), std::string::npos) << line;
+  }
+  EXPECT_GT(samples, 100);
+  EXPECT_EQ(prometheus_text({.version = "1"}, {device(0)}).find("station"), std::string::npos);
+}
+
 std::string ask(std::uint16_t port, const std::string& request) {
   const int s = socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in to{};

@@ -27,10 +27,10 @@ class WebSocket:
         if b' 101 ' not in head.split(b'\r\n')[0]:
             raise RuntimeError(head.decode())
 
-    def send(self, text):
-        data, mask = text.encode(), os.urandom(4)
+    def send(self, text, kind=1):
+        data, mask = text.encode() if isinstance(text, str) else text, os.urandom(4)
         n = len(data)
-        head = bytes([0x81]) + (bytes([0x80 | n]) if n < 126 else bytes([0x80 | 126]) + struct.pack('>H', n) if n < 65536
+        head = bytes([0x80 | kind]) + (bytes([0x80 | n]) if n < 126 else bytes([0x80 | 126]) + struct.pack('>H', n) if n < 65536
                                 else bytes([0x80 | 127]) + struct.pack('>Q', n))
         self.socket.sendall(head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
 
@@ -55,6 +55,8 @@ class WebSocket:
             data = self._read(n)
             if first & 0x0f == 8:
                 raise ConnectionError('closed')
+            if first & 0x0f == 9:  # asked whether it lives
+                self.send(data, 10)
             if first & 0x0f in (0, 1):
                 text += data
                 if first & 0x80:
