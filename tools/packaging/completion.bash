@@ -7,7 +7,7 @@ _haptic_options() {  # COMMAND…
 _haptic() {
   local cur=${COMP_WORDS[COMP_CWORD]} program=${COMP_WORDS[0]} command=() word
   local subcommands="abuse chart device doctor edge fleet hand mesh record reload replay reset soak stability view"
-  local charts="all cut economy force lcp pieces removal step tissue warping"
+  local charts="all cut economy force lcp merge pieces removal step tissue warping"
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
     case " $subcommands " in *" $word "*) [ ${#command[@]} -eq 0 ] && command=("$word") && continue ;; esac
     case " $charts " in *" $word "*) [ "${command[*]}" = chart ] && command+=("$word") ;; esac

@@ -195,11 +195,15 @@ std::vector<std::string> stability_mode_names() {
 StabilityChart chart_stability(const Scene& cube, const StabilitySettings& settings,
                                const std::function<bool(double, const std::string&)>& progress) {
   std::vector<const Entry*> wanted;
+  std::vector<std::size_t> unit;  // of the whole run, of each
+  std::size_t units = 0;
   double whole = 0;
   for (const Entry& e : entries) {
     if (!settings.only.empty() &&
         std::find(settings.only.begin(), settings.only.end(), e.name) == settings.only.end())
       continue;
+    if (!settings.shard.has(units++)) continue;
+    unit.push_back(units - 1);
     wanted.push_back(&e);
     whole += e.effort;
   }
@@ -237,18 +241,21 @@ StabilityChart chart_stability(const Scene& cube, const StabilitySettings& setti
     }
   for (std::future<void>& thread : threads) thread.get();
   StabilityChart chart;
-  const auto join = [](auto& all, auto& part) {
-    std::move(part.begin(), part.end(), std::back_inserter(all));
-  };
-  for (StabilityChart& part : parts) {
-    join(chart.map, part.map);
-    join(chart.grasps, part.grasps);
-    join(chart.modes, part.modes);
-    join(chart.random, part.random);
-    join(chart.carve, part.carve);
-    join(chart.two_hands, part.two_hands);
-    join(chart.random_two, part.random_two);
-    join(chart.random_cuts, part.random_cuts);
+  chart.shard = ShardLedger(settings.shard);
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    const auto join = [&](const char* name, auto& all, auto& part) {
+      std::move(part.begin(), part.end(), std::back_inserter(all));
+      chart.shard.made(name, all.size(), unit[k]);
+    };
+    StabilityChart& part = parts[k];
+    join("map", chart.map, part.map);
+    join("grasps", chart.grasps, part.grasps);
+    join("modes", chart.modes, part.modes);
+    join("random", chart.random, part.random);
+    join("carve", chart.carve, part.carve);
+    join("two_hands", chart.two_hands, part.two_hands);
+    join("random_two", chart.random_two, part.random_two);
+    join("random_cuts", chart.random_cuts, part.random_cuts);
   }
   return chart;
 }

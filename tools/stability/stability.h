@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "tools/chart/shard.h"
 #include "tools/stability/bench/largest_stiffness.h"
 #include "tools/stability/random_hands.h"
 #include "tools/stability/stability_carve.h"
@@ -44,6 +45,7 @@ struct TwoHandsPoint {
 };
 
 struct StabilityChart {
+  ShardLedger shard;                // a unit is a mode
   std::vector<StiffnessPoint> map;  // over the device's damping
   std::vector<StiffnessPoint> grasps;
   std::vector<StabilityMode> modes;
@@ -58,6 +60,7 @@ struct StabilitySettings {
   bool quick = false;
   std::vector<std::string> only;  // modes by name; empty: all
   std::int64_t random_ticks = 0;  // of the modes at random; 0: 10⁶, quick 5000
+  Shard shard;                    // modes of this part alone
   std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
 };
 

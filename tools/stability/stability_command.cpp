@@ -214,10 +214,13 @@ nlohmann::ordered_json to_json(const DdsPress& p) {
           {"status_seen_text", status_text(p.status)}};
 }
 
-nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
+nlohmann::ordered_json to_json(StabilityChart& chart, bool quick) {
   nlohmann::ordered_json json;
   json["command"] = "stability";
   json["quick"] = quick;
+  chart.shard.prepare(json,
+                      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "modes"},
+                      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts"});
   for (const StiffnessPoint& p : chart.map) json["map"].push_back(to_json(p));
   for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
   for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
@@ -227,6 +230,7 @@ nlohmann::ordered_json to_json(const StabilityChart& chart, bool quick) {
   for (const RandomReport& r : chart.random_cuts) json["random_cuts"].push_back(to_json(r));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
+  chart.shard.note(json);
   return json;
 }
 
@@ -308,7 +312,8 @@ bool print(const StabilityChart& chart) {
 int stability(const Options& options) {
   const OutputRule rule(options.force);
   rule.require_figures("--json", options.json);
-  rule.require_figures_folder("--out", options.out, "stability.json", "stability");
+  const std::string stem = options.settings.shard.stem("stability");
+  rule.require_figures_folder("--out", options.out, stem + ".json", stem);
   const Scene scene = read_scene(config_directory() / "scenes/cube/cube.yaml");
   StabilityChart chart;
   {
@@ -338,8 +343,9 @@ int stability(const Options& options) {
   if (!options.json.empty()) write_json(options.json, json);
   if (!options.out.empty()) {
     std::filesystem::create_directories(options.out);
-    const std::string figures = (std::filesystem::path(options.out) / "stability.json").string();
+    const std::string figures = (std::filesystem::path(options.out) / (stem + ".json")).string();
     write_json(figures, json);
+    if (!options.settings.shard.is_whole()) return all ? 0 : 1;
     draw("plot_stability.py", figures, options.out);
     std::printf("%s\n", (std::filesystem::path(options.out) / "stability.html").c_str());
   }
@@ -356,6 +362,7 @@ Command add_stability(CLI::App& application) {
   app->add_option("--out", options->out, "figures, pictures and stability.html")->type_name("DIR");
   app->add_option("--json", options->json, "figures to this file")->type_name("FILE");
   add_force_option(*app, options->force);
+  add_shard_option(*app, options->settings.shard);
   app->add_option("--mode", options->settings.only, "only these")
       ->delimiter(',')
       ->check(CLI::IsMember(stability_mode_names()));

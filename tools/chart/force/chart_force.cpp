@@ -155,39 +155,39 @@ std::vector<Job> window_jobs(const Scene& scene, const std::vector<ForceWindow>&
   return jobs;
 }
 
+bool is_of(const ForceRun& run, const ForcePoint& p) {
+  return p.trajectory == run.trajectory && p.removals == run.removals;
+}
+
 // Where a tighter tolerance does not give a smaller error, and why.
-void explain_tolerances(ForceChart& chart) {
+void explain_tolerances(ForceChart& chart, const ForceRun& run) {
   constexpr double default_tolerance = 1e-8;
   const auto tolerance = [&](const ForcePoint& p) { return p.config.value("tolerance", default_tolerance); };
   for (const ForcePoint& tight : chart.points)
     for (const ForcePoint& loose : chart.points) {
-      if (tight.trajectory != loose.trajectory || tight.removals != loose.removals ||
-          tolerance(tight) >= tolerance(loose) || tight.error.rms_rel <= loose.error.rms_rel ||
-          !same_but_tolerance(tight.config, loose.config))
+      if (!is_of(run, tight) || !is_of(run, loose) || tolerance(tight) >= tolerance(loose) ||
+          tight.error.rms_rel <= loose.error.rms_rel || !same_but_tolerance(tight.config, loose.config))
         continue;
-      for (const ForceRun& run : chart.runs) {
-        if (run.trajectory != tight.trajectory || run.removals != tight.removals) continue;
-        const ForceRun::Trace *a = trace(run, tight.label), *b = trace(run, loose.label);
-        if (!a || !b || run.reference[0].empty()) continue;
-        const double apart = worst(force_errors(a->hands, b->hands)).rms_rel;
-        char text[400];
-        std::snprintf(
-            text, sizeof text,
-            "%s, %d removals: '%s' asks for a tighter tolerance than '%s' and errs by %.4f %% instead of "
-            "%.4f %%. Their forces are %.2g %% of the peak apart: the solver is not what errs, the "
-            "20 ms between two problems is, and a difference so small falls on either side of it.",
-            run.trajectory.c_str(), run.removals, tight.label.c_str(), loose.label.c_str(),
-            100 * tight.error.rms_rel, 100 * loose.error.rms_rel, 100 * apart);
-        chart.notes.push_back(text);
-      }
+      const ForceRun::Trace *a = trace(run, tight.label), *b = trace(run, loose.label);
+      if (!a || !b || run.reference[0].empty()) continue;
+      const double apart = worst(force_errors(a->hands, b->hands)).rms_rel;
+      char text[400];
+      std::snprintf(
+          text, sizeof text,
+          "%s, %d removals: '%s' asks for a tighter tolerance than '%s' and errs by %.4f %% instead of "
+          "%.4f %%. Their forces are %.2g %% of the peak apart: the solver is not what errs, the "
+          "20 ms between two problems is, and a difference so small falls on either side of it.",
+          run.trajectory.c_str(), run.removals, tight.label.c_str(), loose.label.c_str(),
+          100 * tight.error.rms_rel, 100 * loose.error.rms_rel, 100 * apart);
+      chart.notes.push_back(text);
     }
 }
 
 // What the blend after a removal does to a hand's steps, and what it costs.
-void explain_blends(ForceChart& chart) {
+void explain_blends(ForceChart& chart, const ForceRun& run) {
   for (const ForcePoint& blended : chart.points) {
     const double time = blended.config.value("blend", 0.0);
-    if (blended.removals == 0 || time <= 0) continue;
+    if (!is_of(run, blended) || blended.removals == 0 || time <= 0) continue;
     nlohmann::ordered_json direct = blended.config;
     direct.erase("blend");
     direct.erase("label");
@@ -195,7 +195,7 @@ void explain_blends(ForceChart& chart) {
       nlohmann::ordered_json other = p.config;
       other.erase("label");
       other.erase("quick");
-      if (p.trajectory != blended.trajectory || p.removals != blended.removals || other != direct) continue;
+      if (!is_of(run, p) || other != direct) continue;
       char text[400];
       std::snprintf(
           text, sizeof text,
@@ -249,8 +249,10 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
 
   ForceChart chart;
   chart.default_label = table.default_label;
+  chart.shard = ShardLedger(settings.shard);
   Work work(progress, whole);
   for (const Job& job : jobs) {
+    if (!chart.shard.begins()) continue;
     const std::string what = job.trajectory + (job.removals > 0 ? " with removals" : "");
     const double shortest = job.removals > 0 ? shortest_with_removals : shortest_step;
     const Reference own = reference_of(scene, job.input, shortest, settings, what, work);
@@ -311,10 +313,13 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       chart.points.push_back(std::move(p));
     }
     chart.runs.push_back(std::move(run));
+    chart.shard.made("runs", chart.runs.size());
+    chart.shard.made("points", chart.points.size());
+    explain_tolerances(chart, chart.runs.back());
+    explain_blends(chart, chart.runs.back());
+    chart.shard.made("notes", chart.notes.size());
   }
   mark_front(chart.points);
-  explain_tolerances(chart);
-  explain_blends(chart);
   return chart;
 }
 

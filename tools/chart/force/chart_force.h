@@ -25,6 +25,7 @@
 #include "tools/chart/force/force_error.h"
 #include "tools/chart/force/force_motion.h"
 #include "tools/chart/force/force_table.h"
+#include "tools/chart/shard.h"
 
 namespace hapticd {
 
@@ -35,6 +36,7 @@ struct ForceChartSettings {
   std::vector<int> removals = {0, 5};
   bool quick = false;           // the table's quick configurations, no removals, no finest mesh
   std::filesystem::path cache;  // of references; empty: none are kept
+  Shard shard;                  // recordings, with and without removals, or windows of this part alone
 };
 
 struct ForcePoint {
@@ -82,6 +84,7 @@ struct ForceRun {
 };
 
 struct ForceChart {
+  ShardLedger shard;  // a unit is a run
   std::string default_label;
   std::vector<ForcePoint> points;
   std::vector<ForceRun> runs;

@@ -112,12 +112,13 @@ nlohmann::ordered_json to_json(const ForcePoint& p, const Scene& scene) {
   return j;
 }
 
-nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
+nlohmann::ordered_json to_json(ForceChart& chart, const Scene& scene) {
   nlohmann::ordered_json json;
   json["command"] = "chart force";
   json["scene"] = scene.name;
   json["default"] = chart.default_label;
   json["force_scale"] = scene.first().device.force_scale;
+  chart.shard.prepare(json, {"runs", "points", "notes"}, {"runs"});
   for (const ForceRun& run : chart.runs)
     json["runs"].push_back({{"trajectory", run.trajectory},
                             {"removals", run.removals},
@@ -135,6 +136,7 @@ nlohmann::ordered_json to_json(const ForceChart& chart, const Scene& scene) {
   json["points"] = nlohmann::ordered_json::array();
   for (const ForcePoint& p : chart.points) json["points"].push_back(to_json(p, scene));
   json["notes"] = chart.notes;
+  chart.shard.note(json);
   return json;
 }
 
@@ -252,7 +254,8 @@ int chart(Options options, const CLI::App& app) {
     const char* name = options.cut ? "incision" : options.hands > 1 ? "two_hands" : "stroke";
     options.scene = (config_directory() / "scenes" / name / (std::string(name) + ".yaml")).string();
   }
-  prepare_outputs("force", csv_header, options.out, options.json, options.csv, options.force);
+  prepare_outputs(options.settings.shard.stem("force"), csv_header, options.out, options.json, options.csv,
+                  options.force);
   if (!options.out.empty()) options.settings.cache = std::filesystem::path(options.out) / "references";
   keep_malloc_pages();
 
@@ -316,7 +319,7 @@ int chart(Options options, const CLI::App& app) {
   print_chart(result, scene);
   if (!options.json.empty()) write_json(options.json, to_json(result, scene));
   if (!options.csv.empty()) write_file(options.csv, to_csv(result));
-  if (!options.out.empty()) {
+  if (!options.out.empty() && options.settings.shard.is_whole()) {
     write_json(options.out + "/force_traces.json", traces_of(result, scene));
     draw("plot_chart_force.py", options.json, options.out);
   }
@@ -360,6 +363,7 @@ Command add_chart_force(CLI::App& chart_app) {
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "figures, pictures and kept references into this directory");
   add_force_option(*app, options->force);
+  add_shard_option(*app, options->settings.shard);
   app->footer("Example: haptic chart force config/scenes/stroke/stroke.yaml --out build/chart/force");
   return {app, [options, app] { return chart(*options, *app); }};
 }

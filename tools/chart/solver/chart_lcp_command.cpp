@@ -7,6 +7,7 @@
 
 #include "server/record/contact_capture_file.h"
 #include "tools/chart/chart.h"
+#include "tools/chart/shard.h"
 #include "tools/chart/solver/chart_captures.h"
 #include "tools/chart/solver/chart_lcp.h"
 #include "tools/chart/solver/chart_lcp_ticks.h"
@@ -24,6 +25,7 @@ struct Options {
   std::vector<int> contacts = {10, 30, 100}, rows = {10, 30, 100, 300};
   bool quick = false;
   std::string json, csv, out, from;
+  Shard shard;
   bool force = false;
 };
 
@@ -71,10 +73,11 @@ nlohmann::ordered_json to_json(const LcpTickPoint& p) {
           {"full_us_p99", rounded(p.full_us_p99, 1)}};
 }
 
-nlohmann::ordered_json to_json(const LcpChart& chart, const Options& options) {
+nlohmann::ordered_json to_json(const LcpChart& chart, const Options& options, ShardLedger& shard) {
   nlohmann::ordered_json json;
   json["command"] = "chart lcp";
   json["seed"] = options.settings.seed;
+  shard.prepare(json, {"points", "regularisation", "ticks"}, {"regularisation", "ticks"});
   json["points"] = nlohmann::ordered_json::array();
   for (const LcpPoint& p : chart.points) json["points"].push_back(to_json(p));
   for (const RegularisationPoint& r : chart.regularisation)
@@ -129,7 +132,8 @@ void write_all(const Options& options, const nlohmann::ordered_json& json,
                const std::vector<LcpPoint>& points) {
   if (!options.json.empty()) write_json(options.json, json);
   if (!options.csv.empty()) write_file(options.csv, to_csv(points));
-  if (!options.out.empty()) draw("plot_chart_lcp.py", options.json, options.out + "/lcp.png");
+  if (!options.out.empty() && options.shard.is_whole())
+    draw("plot_chart_lcp.py", options.json, options.out + "/lcp.png");
 }
 
 int run_captured(const Options& options) {
@@ -143,9 +147,10 @@ int run_captured(const Options& options) {
     });
     if (interrupted()) return 1;
   }
+  ShardLedger whole;
   LcpChart points;
   points.points = chart.points;
-  nlohmann::ordered_json json = to_json(points, options);
+  nlohmann::ordered_json json = to_json(points, options, whole);
   std::size_t unsolved = 0;
   for (const CaptureReport& c : chart.captures) {
     json["captures"].push_back({{"file", c.file},
@@ -178,7 +183,10 @@ int run(Options& options, const CLI::App& app) {
     if (app.count("--strokes") == 0) options.ticks.strokes = 2;
   }
   options.settings.peer_steps = std::min(options.settings.peer_steps, options.settings.steps);
-  prepare_outputs("lcp", csv_header, options.out, options.json, options.csv, options.force);
+  prepare_outputs(options.shard.stem("lcp"), csv_header, options.out, options.json, options.csv,
+                  options.force);
+  if (!options.from.empty() && !options.shard.is_whole())
+    throw UsageError("--shard: not of captured problems (--from)");
   if (!options.from.empty()) return run_captured(options);
 
   struct Run {
@@ -208,17 +216,21 @@ int run(Options& options, const CLI::App& app) {
 
   LcpChart chart;
   std::vector<LcpTickPoint> ticks;
+  ShardLedger shard(options.shard);
   {
     Progress progress("chart");
     for (const std::string& kind : tick_cases) {
+      if (!shard.begins()) continue;
       ticks.push_back(chart_lcp_ticks(kind, options.ticks, [&](double fraction) {
         progress.show((before + fraction * of_ticks) / whole, kind + ", ticks");
         return !interrupted();
       }));
       if (interrupted()) return 1;
+      shard.made("ticks", ticks.size());
       before += of_ticks;
     }
     for (const Run& r : runs) {
+      if (!shard.begins()) continue;
       const std::string words = r.kind + ", " + std::to_string(r.size) + (r.friction ? " contacts" : " rows");
       chart_case(
           r.kind, r.size, r.friction, options.settings,
@@ -228,6 +240,8 @@ int run(Options& options, const CLI::App& app) {
           },
           chart);
       if (interrupted()) return 1;
+      shard.made("points", chart.points.size());
+      shard.made("regularisation", chart.regularisation.size());
       before += r.weight;
     }
   }
@@ -239,8 +253,9 @@ int run(Options& options, const CLI::App& app) {
         "%d unsolved without)\n",
         r.contacts, r.wrench_change.p50, r.wrench_change.p99, r.compared, r.unsolved);
   print_ticks(ticks);
-  nlohmann::ordered_json json = to_json(chart, options);
+  nlohmann::ordered_json json = to_json(chart, options, shard);
   for (const LcpTickPoint& p : ticks) json["ticks"].push_back(to_json(p));
+  shard.note(json);
   write_all(options, json, chart.points);
   return 0;
 }
@@ -276,6 +291,7 @@ Command add_chart_lcp(CLI::App& chart) {
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "lcp.json, lcp.csv and lcp.png into this directory");
   add_force_option(*app, options->force);
+  add_shard_option(*app, options->shard);
   app->footer("Example: haptic chart lcp --cases flat,duplicates --contacts 30 --out build/chart");
   return {app, [options, app] { return run(*options, *app); }};
 }

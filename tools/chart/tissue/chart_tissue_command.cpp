@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "tools/chart/chart.h"
+#include "tools/chart/shard.h"
 #include "tools/chart/tissue/tissue_check.h"
 #include "tools/cli/command.h"
 #include "tools/cli/interrupt.h"
@@ -24,6 +25,7 @@ struct Options {
   int stroke_steps = 0;  // 0: by effort
   std::string json, out;
   bool force = false;
+  Shard shard;
 };
 
 struct StrokeCase {
@@ -101,8 +103,8 @@ void check_refinement(const Refinement& r, TissueFindings& findings) {
     findings.check(name, 0, r.from_half, converged, "half-step reference");
 }
 
-template <class Wanted, class Progress>
-Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progress,
+template <class Wanted, class Made, class Progress>
+Strokes run_strokes_wanted(const Options& options, Wanted wanted, Made made, Progress progress,
                            TissueFindings& findings) {
   Strokes strokes;
   StrokeSettings base;
@@ -122,6 +124,7 @@ Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progr
     if (interrupted()) return strokes;
     check_strokes(row, findings);
     strokes.rows.push_back(std::move(row));
+    made(strokes);
   }
   if (options.quick || !wanted(refinement_part)) return strokes;
   for (const StrokeCase& c : stroke_cases)
@@ -148,6 +151,7 @@ Strokes run_strokes_wanted(const Options& options, Wanted wanted, Progress progr
       }
       check_refinement(strokes.refinements.back(), findings);
     }
+  made(strokes);
   return strokes;
 }
 
@@ -199,9 +203,11 @@ void print_strokes(const Strokes& strokes) {
   }
 }
 
-nlohmann::ordered_json to_json(const TissueFindings& findings) {
+nlohmann::ordered_json to_json(const TissueFindings& findings, ShardLedger& shard) {
   nlohmann::ordered_json json;
   json["command"] = "chart tissue";
+  shard.prepare(json, {"checks", "skipped", "series", "locking", "strokes", "stroke_steps"},
+                {"series", "locking", "strokes", "stroke_steps"});
   json["checks"] = nlohmann::ordered_json::array();
   for (const TissueCheck& c : findings.checks)
     json["checks"].push_back({{"name", c.name},
@@ -237,13 +243,24 @@ void print_checks(const TissueFindings& findings) {
 
 int chart(Options options) {
   std::string no_table;
-  prepare_outputs("tissue", "", options.out, options.json, no_table, options.force);
+  prepare_outputs(options.shard.stem("tissue"), "", options.out, options.json, no_table, options.force);
   const Effort effort = options.quick ? Effort::quick : Effort::full;
-  const auto wanted = [&](const std::string& part) {
-    return options.only.empty() || std::count(options.only.begin(), options.only.end(), part) > 0;
-  };
   TissueFindings findings;
   Strokes strokes;
+  ShardLedger shard(options.shard);
+  // A unit is what --only names.
+  const auto wanted = [&](const std::string& part) {
+    return (options.only.empty() || std::count(options.only.begin(), options.only.end(), part) > 0) &&
+           shard.begins();
+  };
+  const auto made = [&](const Strokes& so_far) {
+    shard.made("checks", findings.checks.size());
+    shard.made("skipped", findings.skipped.size());
+    shard.made("series", findings.series.size());
+    shard.made("locking", findings.locking.size());
+    shard.made("strokes", so_far.rows.size());
+    shard.made("stroke_steps", so_far.refinements.size());
+  };
   {
     Progress progress("chart");
     const auto& groups = tissue_check_groups();
@@ -251,18 +268,21 @@ int chart(Options options) {
       if (!wanted(groups[g].name)) continue;
       progress.show(static_cast<double>(g) / static_cast<double>(groups.size()), groups[g].name);
       groups[g].run(effort, findings);
+      made(strokes);
     }
     strokes = run_strokes_wanted(
-        options, wanted, [&](double fraction, const std::string& what) { progress.show(fraction, what); },
-        findings);
+        options, wanted, made,
+        [&](double fraction, const std::string& what) { progress.show(fraction, what); }, findings);
   }
   if (interrupted()) return 1;
   print_checks(findings);
   print_strokes(strokes);
-  nlohmann::ordered_json json = to_json(findings);
+  nlohmann::ordered_json json = to_json(findings, shard);
   add_json(json, strokes);
+  shard.note(json);
   if (!options.json.empty()) write_json(options.json, json);
-  if (!options.out.empty()) draw("plot_chart_tissue.py", options.json, options.out + "/tissue.png");
+  if (!options.out.empty() && options.shard.is_whole())
+    draw("plot_chart_tissue.py", options.json, options.out + "/tissue.png");
   const auto failed = std::count_if(findings.checks.begin(), findings.checks.end(),
                                     [](const TissueCheck& c) { return !c.passed; });
   std::printf("%zu checks, %d failed, %zu skipped\n", findings.checks.size(), static_cast<int>(failed),
@@ -286,6 +306,7 @@ Command add_chart_tissue(CLI::App& chart_app) {
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--out", options->out, "tissue.json and tissue.png into this directory");
   add_force_option(*app, options->force);
+  add_shard_option(*app, options->shard);
   app->footer("Example: haptic chart tissue --quick --out build/chart");
   return {app, [options] { return chart(*options); }};
 }
