@@ -48,7 +48,13 @@ void follow_wake(FleetDevice& d, std::vector<std::uint32_t> counts, std::int64_t
 }
 
 // The daemon's own rate is since its start; this one is of the last seconds.
+// An edge has no steps of its own.
 void follow_steps(FleetDevice& d, const hapticd_msg_ServerStatus& m, std::int64_t now_ns) {
+  if (m.step == 0) {
+    d.sim_hz = d.step_ms = std::nan("");
+    d.sim_rate_known = false;
+    return;
+  }
   if (d.step_mark_ns == 0 || m.step < d.step) {
     d.step_mark = m.step;
     d.step_mark_ns = now_ns;
@@ -206,8 +212,8 @@ void Fleet::hear(const Origin& of, const hapticd_msg_ServerStatus& m, std::int64
   d.refused = text_of(m.refused);
   d.status = m.status;
   d.haptic_hz = m.haptic_rate_hz;
-  follow_steps(d, m, now_ns);
   d.step_ms = m.sim_step_ms;
+  follow_steps(d, m, now_ns);
   d.removed = m.elements_removed;
   d.aspirated = m.fragments_aspirated;
   d.rejected = m.rejected_states;

@@ -13,7 +13,7 @@
 #include "haptic/loop.h"
 #include "server/dds/dds.h"
 #include "tests/support/process.h"
-#include "tests/tools/run_command.h"
+#include "tests/tools/secure_keys.h"
 
 namespace hapticd {
 namespace {
@@ -26,21 +26,6 @@ std::string text_of(const std::string& file) {
   std::stringstream s;
   s << std::ifstream(file).rdbuf();
   return s.str();
-}
-
-// Keys are made once for all tests of this process.
-const ScratchDirectory& scratch() {
-  static const ScratchDirectory directory;
-  return directory;
-}
-std::string keys(const std::string& name = "keys") {
-  const std::string directory = scratch().file(name);
-  if (!std::filesystem::exists(directory)) {
-    const CommandResult made =
-        run_command(SOURCE_DIR "/config/dds/security/make_keys.sh " + directory + " 30");
-    EXPECT_EQ(made.code, 0) << made.output;
-  }
-  return directory;
 }
 
 // Participants of this process that live in Cyclone domains of their own: they meet only on the wire.
@@ -64,7 +49,7 @@ class Peer {
 };
 
 Security liar(const std::string& role) {
-  Security security = security_files(keys(), role);
+  Security security = security_files(secure_keys(), role);
   security.access_control = LYING_PLUGIN;
   return security;
 }
@@ -89,16 +74,16 @@ class SecureProcess : public testing::Test {
   void SetUp() override {
     if (std::string(DDS_PLUGINS).empty()) GTEST_SKIP() << "no DDS Security plugins here";
     domain_ = static_cast<std::uint32_t>(40 + getpid() % 60);
-    summary_ = scratch().file("run.json");
+    summary_ = secure_scratch().file("run.json");
     daemon_ = std::make_unique<ChildProcess>(
         std::vector<std::string>{BIN_DIR "/hapticd", cube, "--domain", std::to_string(domain_), "--secure",
-                                 keys(), "--json", summary_},
-        scratch().file("daemon.log"));
+                                 secure_keys(), "--json", summary_},
+        secure_scratch().file("daemon.log"));
   }
   // The figures of the daemon's run.
   nlohmann::json end() {
     daemon_->signal(SIGTERM);
-    EXPECT_EQ(daemon_->wait(5000), 0) << text_of(scratch().file("daemon.log"));
+    EXPECT_EQ(daemon_->wait(5000), 0) << text_of(secure_scratch().file("daemon.log"));
     return nlohmann::json::parse(text_of(summary_));
   }
   std::string replay(const std::string& options) const {
@@ -128,8 +113,8 @@ class SecureProcess : public testing::Test {
 };
 
 TEST_F(SecureProcess, AStrangerGetsNoSampleAndItsWritesReachNobodyWhileTheDeviceWorks) {
-  Peer stranger(domain_, std::nullopt), foreigner(domain_, security_files(keys("other"), "device")),
-      watcher(domain_, security_files(keys(), "operator"));
+  Peer stranger(domain_, std::nullopt), foreigner(domain_, security_files(secure_keys("other"), "device")),
+      watcher(domain_, security_files(secure_keys(), "operator"));
   std::vector<std::unique_ptr<Writer<hapticd_msg_DeviceState>>> writers;
   std::vector<std::unique_ptr<Reader<hapticd_msg_ForceCommand>>> forces;
   std::vector<std::unique_ptr<Reader<hapticd_msg_ServerStatus>>> statuses;
@@ -147,7 +132,7 @@ TEST_F(SecureProcess, AStrangerGetsNoSampleAndItsWritesReachNobodyWhileTheDevice
   ASSERT_TRUE(heard(answers, 15'000));
 
   CommandResult device;
-  std::thread run([&] { device = run_haptic(replay("--secure " + keys())); });
+  std::thread run([&] { device = run_haptic(replay("--secure " + secure_keys())); });
   int stolen = 0, foreign_poses = 0, own_poses = 0;
   each_ms(8000, [&](int i) {
     for (auto& w : writers) w->write(PoseOf(liars_device, 1 + static_cast<std::uint64_t>(i)).state);
@@ -177,7 +162,7 @@ TEST_F(SecureProcess, AStrangerGetsNoSampleAndItsWritesReachNobodyWhileTheDevice
 }
 
 TEST_F(SecureProcess, AViewerSeesForcesButCannotWritePoses) {
-  Peer viewer(domain_, security_files(keys(), "viewer"));
+  Peer viewer(domain_, security_files(secure_keys(), "viewer"));
   Reader<hapticd_msg_ForceCommand> forces(viewer.participant());
   EXPECT_TRUE(heard(forces, 15'000));
   try {
@@ -186,7 +171,7 @@ TEST_F(SecureProcess, AViewerSeesForcesButCannotWritePoses) {
   } catch (const std::runtime_error& e) {
     EXPECT_NE(std::string(e.what()).find("Not Allowed By Security"), std::string::npos) << e.what();
   }
-  const CommandResult command = run_haptic(replay("--role viewer --wait 3 --secure " + keys()));
+  const CommandResult command = run_haptic(replay("--role viewer --wait 3 --secure " + secure_keys()));
   EXPECT_EQ(command.code, 1);
   EXPECT_NE(command.output.find("Not Allowed By Security"), std::string::npos) << command.output;
   const nlohmann::json figures = end();
@@ -196,7 +181,8 @@ TEST_F(SecureProcess, AViewerSeesForcesButCannotWritePoses) {
 // The refusal is the others', not the member's own good will.
 TEST_F(SecureProcess, AMemberThatLiesToItselfStillCannotWriteWhatItsPermissionsDoNotSay) {
   Peer viewer(domain_, liar("viewer")), device(domain_, liar("device")),
-      honest(domain_, security_files(keys(), "device")), watcher(domain_, security_files(keys(), "operator"));
+      honest(domain_, security_files(secure_keys(), "device")),
+      watcher(domain_, security_files(secure_keys(), "operator"));
   Writer<hapticd_msg_DeviceState> poses(viewer.participant());
   Reader<hapticd_msg_ForceCommand> forces(viewer.participant());
   Writer<hapticd_msg_ForceCommand> forged(device.participant());  // a device that plays the daemon
@@ -224,7 +210,7 @@ TEST_F(SecureProcess, AMemberThatLiesToItselfStillCannotWriteWhatItsPermissionsD
 
 TEST(SecureFiles, AMissingOrWrongFileIsNamed) {
   if (std::string(DDS_PLUGINS).empty()) GTEST_SKIP() << "no DDS Security plugins here";
-  const std::string folder = keys();
+  const std::string folder = secure_keys();
   const auto refused = [&](const std::string& command, int code, const std::string& words) {
     const CommandResult result = run_command(command);
     EXPECT_EQ(result.code, code) << result.output;
@@ -235,7 +221,7 @@ TEST(SecureFiles, AMissingOrWrongFileIsNamed) {
   refused(daemon + "/no/such/folder", 2, "/no/such/folder: no such folder of keys");
   for (const char* file :
        {"ca.pem", "governance.p7s", "daemon/cert.pem", "daemon/key.pem", "daemon/permissions.p7s"}) {
-    const std::string broken = scratch().file("broken");
+    const std::string broken = secure_scratch().file("broken");
     std::filesystem::remove_all(broken);
     std::filesystem::copy(folder, broken, std::filesystem::copy_options::recursive);
     std::filesystem::remove(broken + "/" + file);
@@ -247,12 +233,12 @@ TEST(SecureFiles, AMissingOrWrongFileIsNamed) {
     refused(daemon + broken, 2, broken + "/" + file + ": is a directory");
   }
   refused(BIN_DIR "/haptic replay " SOURCE_DIR "/config/scenes/cube/press.csv --role viewer --secure " +
-              scratch().file("nowhere"),
+              secure_scratch().file("nowhere"),
           2, "no such folder of keys");
   // Signed by another authority: only Cyclone can tell, and does.
-  const std::string mixed = scratch().file("mixed");
+  const std::string mixed = secure_scratch().file("mixed");
   std::filesystem::copy(folder, mixed, std::filesystem::copy_options::recursive);
-  std::filesystem::copy_file(keys("other") + "/governance.p7s", mixed + "/governance.p7s",
+  std::filesystem::copy_file(secure_keys("other") + "/governance.p7s", mixed + "/governance.p7s",
                              std::filesystem::copy_options::overwrite_existing);
   refused(daemon + mixed, 1, mixed + "/daemon");
 }

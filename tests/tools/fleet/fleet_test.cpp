@@ -106,6 +106,27 @@ TEST(Fleet, BitsOfAStatusAreFaultsByTheirNames) {
   EXPECT_TRUE(only(fleet).faults.empty());
 }
 
+// 50 steps a second by its own counter, whatever it says of itself; an edge, without steps, is not slow.
+TEST(Fleet, ARateIsOfTheLastSeconds) {
+  Fleet fleet;
+  hapticd_msg_ServerHealth health{};
+  health.step_period_ms = 20;
+  for (int i = 0; i <= 40; ++i) {
+    for (const char* station : {"edge", "slow", "well"}) {
+      hapticd_msg_ServerStatus m = status(0);
+      m.step = std::string(station) == "edge" ? 0 : 100 + (std::string(station) == "slow" ? 2 : 5) * i;
+      fleet.hear(origin(station), m, 10 * s + 100 * i * ms);
+      fleet.hear(origin(station), health, 10 * s + 100 * i * ms);
+    }
+    fleet.look(10 * s + 100 * i * ms);
+  }
+  EXPECT_TRUE(fleet.stations().at("edge").faults.empty());
+  EXPECT_TRUE(fleet.stations().at("well").faults.empty());
+  ASSERT_EQ(fleet.stations().at("slow").faults.size(), 1u);
+  EXPECT_EQ(fleet.stations().at("slow").faults[0].what, "simulation slow");
+  EXPECT_EQ(fleet.stations().at("slow").faults[0].detail, "20 Hz");
+}
+
 // 100 blocks of 10 ms a message: 10 bins, each its largest. What a lost message had, the next one has.
 TEST(Fleet, ATraceHasTheLargestForceOfEachTenth) {
   ForceTrace trace;
