@@ -14,6 +14,8 @@ Network& of_process() noexcept {
   return network;
 }
 
+thread_local const std::string* station_here = nullptr;
+
 void replace(std::string& text, const std::string& what, const std::string& with) {
   const std::size_t at = text.find(what);
   if (at == std::string::npos) throw std::runtime_error("the DDS profile for networks has no " + what);
@@ -59,7 +61,14 @@ std::string network_profile(const Network& network, bool realtime) {
 }
 
 void at_station(dds_qos_t& qos) noexcept {
-  if (!of_process().station.empty()) dds_qset_partition1(&qos, of_process().station.c_str());
+  const std::string& station = station_here ? *station_here : of_process().station;
+  if (!station.empty()) dds_qset_partition1(&qos, station.c_str());
 }
+
+StationHere::StationHere(const std::string& station) : station_(station), before_(station_here) {
+  if (!station_.empty()) station_here = &station_;
+}
+
+StationHere::~StationHere() { station_here = before_; }
 
 }  // namespace hapticd

@@ -35,7 +35,21 @@ std::string network_profile(const Network& network, bool realtime);
 // For a program that only looks on: the process's network, or loopback; without real-time threads.
 std::string viewer_dds_profile();
 
-// Puts what is made with these QoS at this process's station.
+// Puts what is made with these QoS at this process's station, or at this thread's StationHere.
 void at_station(dds_qos_t& qos) noexcept;
+
+// While it lives, what this thread makes is at that station; an empty name leaves the process's. For a
+// library whose handles may be at several. Objects of one thread end in the reverse order of their begin.
+class StationHere {
+ public:
+  explicit StationHere(const std::string& station);
+  ~StationHere();
+  StationHere(const StationHere&) = delete;
+  StationHere& operator=(const StationHere&) = delete;
+
+ private:
+  const std::string station_;
+  const std::string* before_;
+};
 
 }  // namespace hapticd

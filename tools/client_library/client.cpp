@@ -56,7 +56,8 @@ haptic_result result_of(Hearing hearing) noexcept {
 
 haptic_client::haptic_client(const haptic_options& options)
     : exchange({options.device ? options.device : "", options.domain, options.device_id,
-                options.keys ? options.keys : "", (options.flags & HAPTIC_OPEN_NETWORK) != 0}),
+                options.keys ? options.keys : "", (options.flags & HAPTIC_OPEN_NETWORK) != 0,
+                options.station ? options.station : ""}),
       ordinary_((options.flags & HAPTIC_ORDINARY_PRIORITY) != 0) {}
 
 // Only the thread that owns the exchange.

@@ -55,6 +55,13 @@ class Domains {
   std::map<std::uint32_t, Entry> entries_;
 };
 
+// A pattern would hear several stations at once.
+const std::string& checked_station(const std::string& station) {
+  const std::string fault = station.empty() ? "" : network_name_fault(station);
+  if (!fault.empty()) throw std::invalid_argument("station: " + fault);
+  return station;
+}
+
 std::optional<Security> security_of(const ExchangeSettings& settings) {
   if (settings.keys.empty()) return std::nullopt;
   return security_files(settings.keys, "device");
@@ -69,6 +76,9 @@ std::int64_t client_now_ns() noexcept {
 }
 
 Exchange::Exchange(const ExchangeSettings& settings)
+    : Exchange(settings, StationHere(checked_station(settings.station))) {}
+
+Exchange::Exchange(const ExchangeSettings& settings, const StationHere&)
     : limits_(limits_of(settings.device)),
       domain_(Domains::open(settings)),
       participant_(*domain_, security_of(settings)),

@@ -16,6 +16,7 @@
 #include <string>
 
 #include "server/dds/force_reader.h"
+#include "server/dds/network.h"
 #include "tools/client_library/force_watch.h"
 #include "tools/client_library/phase.h"
 
@@ -28,6 +29,7 @@ struct ExchangeSettings {
   std::uint32_t domain = 0, device_id = 0;
   std::filesystem::path keys;  // empty: none
   bool open_network = false;
+  std::string station = {};  // the daemon's --station; empty: the one without a name
 };
 
 std::int64_t client_now_ns() noexcept;  // CLOCK_MONOTONIC
@@ -79,6 +81,7 @@ class Exchange {
   const std::string& place() const noexcept { return place_; }  // DDS domain and profile
 
  private:
+  Exchange(const ExchangeSettings& settings, const StationHere& here);  // the place of all that it makes
   std::int64_t send(const Reading& reading) noexcept;
   void send() noexcept;
   bool await(std::int64_t until_ns) noexcept;

@@ -50,8 +50,9 @@ typedef struct haptic_options {
   const char* keys;   /* folder of keys for a daemon with --secure; NULL: none */
   uint32_t domain;    /* the daemon's --domain */
   uint32_t device_id;
+  const char* station; /* the daemon's --station; NULL: none. Since the structure has 40 bytes */
 } haptic_options;
-#define HAPTIC_OPTIONS_INIT {sizeof(haptic_options), 0, NULL, NULL, 0, 0}
+#define HAPTIC_OPTIONS_INIT {sizeof(haptic_options), 0, NULL, NULL, 0, 0, NULL}
 
 typedef struct haptic_error {
   uint32_t size;

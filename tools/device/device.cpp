@@ -62,6 +62,7 @@ int run(const DeviceRunOptions& options) {
   driver.keys = options.secure;
   driver.duration = options.duration;
   driver.open_network = options.open_network;
+  driver.station = options.station;
   std::unique_ptr<VendorDevice> device;
   if (!options.limits.empty()) read_device(device_path(options.limits, std::filesystem::current_path()));
   try {
@@ -126,6 +127,7 @@ int main(int argc, char** argv) {
   DeviceRunOptions options;
   application.add_flag("--open-network", options.open_network,
                        "before the command: use an interface that the DDS profile names without --secure");
+  application.add_option("--station", options.station, "before the command: the daemon's station")->type_name("NAME");
   const DeviceApp device = add_device_options(application, options);
   try {
     application.parse(argc, argv);

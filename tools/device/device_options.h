@@ -16,6 +16,7 @@ struct DeviceRunOptions {
   unsigned dead_man = 0;
   double duration = 0;
   bool force = false, open_network = false;
+  std::string station;
 };
 
 struct DeviceApp {

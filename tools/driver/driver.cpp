@@ -30,7 +30,8 @@ class ZeroAtEnd {
 
 DriverReport run_driver(HapticDevice& device, const DriverOptions& options) {
   // Before the device is touched: what is wrong with the options is said without a force, not even zero.
-  Exchange exchange({options.device, options.domain, options.device_id, options.keys, options.open_network});
+  Exchange exchange({options.device, options.domain, options.device_id, options.keys, options.open_network,
+                     options.station});
   Ending ending(device);
   DriverReport report;
   report.place = exchange.place();

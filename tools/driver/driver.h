@@ -39,6 +39,7 @@ struct DriverOptions {
   std::filesystem::path keys;  // of a daemon with --secure; empty: none
   bool open_network =
       false;            // a profile that names an interface is used without keys: whoever is there is trusted
+  std::string station;  // the daemon's --station; empty: none
   double duration = 0;  // [s]; 0: until a signal
   bool realtime = true;  // ask for SCHED_FIFO 50
 };

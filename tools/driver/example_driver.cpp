@@ -32,8 +32,9 @@ int main(int argc, char** argv) try {
   char* end = nullptr;
   if (argc > 1) options.domain = static_cast<std::uint32_t>(std::strtoul(argv[1], &end, 10));
   if (argc > 2) options.keys = argv[2];
-  if (argc > 3 || (end && (end == argv[1] || *end != '\0'))) {
-    std::fprintf(stderr, "Usage: example_driver [DOMAIN [KEYS]]\n");
+  if (argc > 3) options.station = argv[3];
+  if (argc > 4 || (end && (end == argv[1] || *end != '\0'))) {
+    std::fprintf(stderr, "Usage: example_driver [DOMAIN [KEYS [STATION]]]\n");
     return 2;
   }
   std::fprintf(stderr, "presses into the daemon of DDS domain %u, now or when one comes; Ctrl-C ends\n",

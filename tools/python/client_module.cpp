@@ -101,13 +101,14 @@ haptic_pose pose_of(const double* row, py::ssize_t columns, std::uint32_t button
 class Device {
  public:
   Device(const std::string& device, std::uint32_t domain, std::uint32_t device_id, const std::string& keys,
-         bool open_network, bool realtime) {
+         bool open_network, bool realtime, const std::string& station) {
     haptic_options options = HAPTIC_OPTIONS_INIT;
     haptic_error error = HAPTIC_ERROR_INIT;
     options.device = device.c_str();
     options.domain = domain;
     options.device_id = device_id;
     if (!keys.empty()) options.keys = keys.c_str();
+    if (!station.empty()) options.station = station.c_str();
     options.flags = (open_network ? HAPTIC_OPEN_NETWORK : 0u) | (realtime ? 0u : HAPTIC_ORDINARY_PRIORITY);
     if (haptic_open(&options, &client_, &error) != HAPTIC_OK) throw Error(error.message);
     check(haptic_start(client_, nullptr));
@@ -260,7 +261,8 @@ class Device {
 PYBIND11_MODULE(_client, m) {
   py::register_exception<Error>(m, "Error", PyExc_RuntimeError);
   py::class_<Device>(m, "Device")
-      .def(py::init<const std::string&, std::uint32_t, std::uint32_t, const std::string&, bool, bool>())
+      .def(py::init<const std::string&, std::uint32_t, std::uint32_t, const std::string&, bool, bool,
+                    const std::string&>())
       .def("close", &Device::close)
       .def("set_pose", &Device::set_pose)
       .def("force", &Device::force)

@@ -96,6 +96,37 @@ class ClientLibraryDaemon : public testing::Test {
   double z_ = 0.030;
 };
 
+// Handles of one process may be at several stations; one of the first version, without the field, is at none.
+TEST_F(ClientLibraryDaemon, AStationIsHeardByItsOwnClientsAlone) {
+  const ChildProcess daemon(std::vector<std::string>{BIN_DIR "/hapticd",
+                                                     SOURCE_DIR "/config/scenes/cube/cube.yaml", "--domain",
+                                                     std::to_string(domain_), "--station", "lab1"});
+  haptic_client* nameless = nullptr;
+  haptic_options options = HAPTIC_OPTIONS_INIT;
+  haptic_error error = HAPTIC_ERROR_INIT;
+  options.device = "touch";
+  options.domain = domain_;
+  options.station = "lab1";
+  ASSERT_EQ(haptic_open(&options, &client_, &error), HAPTIC_OK) << error.message;
+  options.size = 32;
+  ASSERT_EQ(haptic_open(&options, &nameless, &error), HAPTIC_OK) << error.message;
+  EXPECT_TRUE(pressed()) << explained();
+  haptic_force force = HAPTIC_FORCE_INIT;
+  haptic_result result = HAPTIC_OK;
+  for (int i = 0; i < 400; ++i) {
+    const haptic_pose pose = HAPTIC_POSE_INIT;
+    haptic_next_slot(nameless);
+    result = haptic_exchange(nameless, &pose, &force);
+  }
+  EXPECT_EQ(result, HAPTIC_NO_DAEMON);
+  haptic_close(nameless);
+  options.size = sizeof options;
+  options.station = "lab*";
+  haptic_client* any = nullptr;
+  EXPECT_EQ(haptic_open(&options, &any, &error), HAPTIC_BAD_ARGUMENT);
+  EXPECT_NE(std::string(error.message).find("'lab*' is no name"), std::string::npos) << error.message;
+}
+
 TEST_F(ClientLibraryDaemon, WhatIsWrongIsSaidByValue) {
   haptic_options options = HAPTIC_OPTIONS_INIT;
   haptic_error error = HAPTIC_ERROR_INIT;

@@ -28,11 +28,13 @@ class Device:
     """A client of the daemon: `with hapticd.Device("touch") as device:`.
 
     device: whose limits hold, a name of config/devices or a file. keys: folder of keys of a daemon with --secure.
+    station: the daemon's --station.
     Errors: hapticd.Error, which says what to do. Threads: one at a time; the library's own sends at 1 kHz.
     """
 
-    def __init__(self, device, domain=0, device_id=0, keys=None, open_network=False, realtime=True):
-        self._client = _client.Device(str(device), domain, device_id, str(keys or ""), open_network, realtime)
+    def __init__(self, device, domain=0, device_id=0, keys=None, open_network=False, realtime=True, station=None):
+        self._client = _client.Device(str(device), domain, device_id, str(keys or ""), open_network, realtime,
+                                      str(station or ""))
 
     def __enter__(self):
         return self

@@ -74,7 +74,7 @@ export class Tile {
     const figure = this.figures.of;
     say(figure.haptic, live.length ? `${fixed(first.haptic_hz, 0)} Hz` : PLAIN);
     say(figure.simulation, !live.length ? PLAIN : typeof first.sim_hz === 'number' ? `${fixed(first.sim_hz, 1)} Hz` : 'elsewhere');
-    say(figure.step, live.length && typeof first.step_ms === 'number' ? first.period_ms ? `${fixed(first.step_ms, 1)} / ${fixed(first.period_ms, 0)} ms` : `${fixed(first.step_ms, 1)} ms` : PLAIN);
+    say(figure.step, live.length && typeof first.step_ms === 'number' ? first.period_ms ? `${fixed(first.step_ms, 1)}/${fixed(first.period_ms, 0)} ms` : `${fixed(first.step_ms, 1)} ms` : PLAIN);
     say(figure['late by'], typeof first.wake_p999_us === 'number' && live.length ? late(first.wake_p999_us) : PLAIN);
     figure.haptic.classList.toggle('bad', s.faults.some(f => f.what.startsWith('haptic loop slow')));
     figure.simulation.classList.toggle('bad', s.faults.some(f => f.what.startsWith('simulation slow')));
