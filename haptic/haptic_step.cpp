@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "haptic/problem_check.h"
 #include "physics/contact/suction.h"
@@ -249,6 +250,14 @@ ForceSample not_finite(ForceSample answer, DeviceState& d) noexcept {
   return zero_output(answer, d);
 }
 
+// The most that an instrument's pump has done on its hand since the last tick: vacuum · area · way, as the
+// device has it [J].
+double pumped_work(const Port& port, const DeviceState& d, const DeviceSettings& device) noexcept {
+  if (d.vacuum <= 0 || !d.passivity.has_pose) return 0;
+  const Vec3 way = d.watchdog.sample.pose.p - d.passivity.pose.p;
+  return device.force_scale * d.vacuum * std::numbers::pi * port.radius * port.radius * way.norm();
+}
+
 // What a device's wrench goes through on its way to the hand. changed: the problem, or who is in contact.
 ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool changed,
                      const DeviceSettings& device, const HapticOptions& options, double period,
@@ -263,14 +272,16 @@ ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, 
   d.render = verdict.render;
   d.rendered = wrench;
   wrench = verdict.gain * wrench;
-  d.controlled = Vec3::Zero();
-  if (options.passivity_control)
-    d.controlled = passivity_force(d.passivity, d.watchdog.velocity, device.damping, period);
-  wrench.force += d.controlled;
 
   // limit
   bool saturation = false, slew = false;
   wrench = saturated(device, wrench, saturation);
+  d.controlled = Vec3::Zero();
+  if (options.passivity_control) {
+    const Wrench allowed = passive(d.passivity, wrench, d.watchdog.velocity, device, period);
+    d.controlled = allowed.force - wrench.force;
+    wrench = saturated(device, allowed, saturation);
+  }
   wrench = slew_limited(device, d.sent, wrench, period, slew);
   if (saturation) answer.status |= status_saturated;
   if (slew) answer.status |= status_slew_limited;
@@ -349,7 +360,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
       answer[i] = zero_output(answer[i], d);
       continue;
     }
-    observe(d.passivity, d.watchdog.sample.pose, d.sent);
+    observe(d.passivity, d.watchdog.sample.pose, d.sent, period, pumped_work(instruments[i].port, d, device));
     if (render == Render::release) {
       answer[i] = release(answer[i], device, period, d);
       continue;

@@ -32,7 +32,7 @@ struct HapticOptions {
   // fifth of the margin (ContactOptions::activation_distance). Infinity: all within the margin.
   double ticks_ahead = 3;
   std::int64_t solve_budget_ns = 600'000;  // of the contact solve, from its begin; the loop keeps the clock
-  bool passivity_control = false;          // the observer always runs
+  bool passivity_control = false;          // the tank (passivity.h); the observer always runs
 };
 
 struct DeviceInput {

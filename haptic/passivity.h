@@ -1,14 +1,18 @@
-// Passivity observer and controller of the displayed force.
+// Passivity observer and energy tank of the displayed force.
 //
-//   E_k = E_{k−1} − F_{k−1} · (x_k − x_{k−1}) − τ_{k−1} · θ(q_k q_{k−1}⁻¹)
+//   E_k = E_{k−1} + w,   T_k = min(T_{k−1} + w, ‖F_{k−1}‖ ℓ),   w = −F_{k−1} · (x_k − x_{k−1}) − τ_{k−1} ·
+//   θ(q_k q_{k−1}⁻¹)
 //
-// E [J] is the energy that the hand put into the virtual tissue less what it got back. It is exact for the
-// force that the device held between two ticks. Below zero the rendering made energy. The controller, if
-// switched on, adds F_pc = −α v with α = min(−E / (T ‖v‖²), b), b the damping that the device renders well.
-// The observer counts F_pc in the next tick like any other force.
-// Units: m, N, N·m, J, s, device frame. Guarantee: wait-free, no allocation.
-// Source: Hannaford and Ryu 2002, eq. 3 and 8 (impedance causality). Departure: α is bounded, so a deficit
-// at rest is paid back over several ticks instead of at once.
+// E [J] is the energy that the hand put into the virtual tissue less what it got back, exact for the force
+// that the device held between two ticks; below zero the rendering made energy. T is what of it the tissue
+// may give back: no more than the present force over ℓ, so that what friction or a cut has taken is no
+// credit. The controller, if switched on, keeps T from going below zero: what the force is about to give the
+// hand beyond T is taken out of it along the motion, and a deficit is paid back by damping of at most b:
+//   (F, τ) −= a (v, r² ω),   a = min((P h − T)/(h S), max(0, P)/S + b),   P = F·v + τ·ω,  S = v² + r² ω²
+// What a pump is about to do is its own: it is granted to the tank. Units: SI, device frame. Guarantee:
+// wait-free, no allocation. Source: Hannaford and Ryu 2002, eq. 3 and 8; tank: Franken et al. 2011.
+// Departures: the tank's size follows the force; the damping is bounded, so a deficit is paid back over
+// several ticks.
 #pragma once
 
 #include "haptic/limits.h"
@@ -17,15 +21,20 @@ namespace hapticd {
 
 struct PassivityState {
   bool has_pose = false;
-  Pose pose;          // at the previous tick
-  double energy = 0;  // E [J]
+  Pose pose;                    // at the previous tick
+  Vec3 turning = Vec3::Zero();  // ω, low-passed as the watchdog's velocity [rad/s]
+  Vec6 moved = Vec6::Zero();    // in the last tick
+  double energy = 0;            // E [J]
+  double tank = 0;              // T [J]
 };
 
-// Counts the motion to `pose` under `displayed`, the wrench sent in the previous tick.
-void observe(PassivityState& state, const Pose& pose, const Wrench& displayed) noexcept;
+// Counts the motion to `pose` under `displayed`, the wrench sent in the previous tick. granted: energy that
+// comes from elsewhere meanwhile [J].
+void observe(PassivityState& state, const Pose& pose, const Wrench& displayed, double period,
+             double granted = 0) noexcept;
 
-// F_pc for the deficit there is; zero when there is none.
-Vec3 passivity_force(const PassivityState& state, const Vec3& velocity, double max_damping,
-                     double period) noexcept;
+// The wrench as the tank allows it.
+Wrench passive(const PassivityState& state, const Wrench& wrench, const Vec3& velocity,
+               const DeviceSettings& device, double period) noexcept;
 
 }  // namespace hapticd

@@ -38,6 +38,13 @@ struct WatchdogLimits {
   double quaternion_tolerance = 1e-3;
 };
 
+// Problems that come late are felt until they are so old, and are lost 140 ms later [s].
+inline void let_problems_grow_old(WatchdogLimits& limits, double old) noexcept {
+  const std::int64_t more = limits.problem_lost_ns - limits.problem_old_ns;
+  limits.problem_old_ns = static_cast<std::int64_t>(1e9 * old);
+  limits.problem_lost_ns = limits.problem_old_ns + more;
+}
+
 // What the device is to feel, before the gain.
 enum class Render : std::uint8_t { zero, release, hold, damp, contact };
 

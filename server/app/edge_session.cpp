@@ -9,6 +9,13 @@
 namespace hapticd {
 namespace {
 
+HapticOptions haptic_of(const Scene& scene, const EdgeOptions& options) {
+  HapticOptions haptic = haptic_options(scene);
+  haptic.passivity_control = options.tank;
+  if (options.late > 0) let_problems_grow_old(haptic.watchdog, options.late);
+  return haptic;
+}
+
 std::string near_profile() { return read_dds_profile(default_dds_profile_name()); }
 
 }  // namespace
@@ -44,7 +51,7 @@ EdgeSession::EdgeSession(const Scene& scene, const EdgeOptions& options)
     Device& d = devices_.emplace_back(of, participant_, options, realtime_core_, leader, *link_);
     loop_devices.push_back({d.settings, d.port, d.history});
   }
-  haptic_.emplace(instruments_, loop_devices, haptic_options(scene), problems_, inputs_,
+  haptic_.emplace(instruments_, loop_devices, haptic_of(scene, options), problems_, inputs_,
                   LoopTiming{.mode = options.mode});
   for (std::size_t i = 0; i < devices_.size(); ++i) {
     Device& d = devices_[i];

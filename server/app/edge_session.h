@@ -31,6 +31,8 @@ struct EdgeOptions {
   LoopMode mode = LoopMode::tick;
   std::optional<std::filesystem::path> record;  // of the first device; others': recordings_of
   std::optional<Security> security;             // of both domains
+  bool tank = true;  // the rendering gives back no more than was put in (haptic/passivity.h)
+  double late = 0;   // problems are felt until they are so old; 0: as in a daemon [s]
 };
 
 class EdgeSession {

@@ -36,8 +36,9 @@ VirtualDaemon::VirtualDaemon(std::unique_ptr<World> world, double rate, std::vec
       schedule_(*world_, period_of(rate), settings_.schedule),
       timing_(settings_.timing ? *settings_.timing : usual_timing(*world_)),
       haptic_(world_->instruments(), std::move(devices), options, problems_),
+      halves_(settings_.link ? std::make_unique<Halves>(*settings_.link) : nullptr),
       free_ns_(settings_.first_ns) {
-  schedule_.warm_up(problems_.back());
+  schedule_.warm_up(problem());
   schedule_.start(settings_.first_ns);
 }
 
@@ -62,6 +63,7 @@ std::int64_t VirtualDaemon::time_of(const PlannedAction& planned) const {
 }
 
 void VirtualDaemon::advance(std::int64_t now_ns) {
+  now_ns_ = now_ns;
   for (;;) {
     const PlannedAction planned = schedule_.next(free_ns_);
     const std::int64_t t = time_of(planned);
@@ -69,7 +71,7 @@ void VirtualDaemon::advance(std::int64_t now_ns) {
       free_ns_ = settings_.stall_to;
       continue;
     }
-    if (publishes(planned.action) ? t > now_ns : t >= now_ns) return;
+    if (publishes(planned.action) ? t > now_ns : t >= now_ns) return deliver(now_ns);
     free_ns_ = t;
     if (planned.action == StepAction::begin) begun_ns_ = t;
     if (planned.action == StepAction::refresh) refresh_ns_ = t;
@@ -86,19 +88,45 @@ EachInstrument<ForceSample> VirtualDaemon::tick(const HapticInput& input) {
   return forces;
 }
 
-void VirtualDaemon::tell(const InstrumentInputs& instruments) { told_ = instruments; }
+// What of the simulation's has arrived.
+void VirtualDaemon::deliver(std::int64_t now_ns) {
+  std::unique_ptr<CondensedProblem> arrived;
+  if (!halves_ || !halves_->problems.take(now_ns, arrived)) return;
+  copy_in_use(*arrived, problems_.back());
+  problems_.publish();
+}
+
+void VirtualDaemon::tell(const InstrumentInputs& instruments) {
+  if (halves_)
+    halves_->hands.send(halves_->link.hands(now_ns_), instruments);
+  else
+    told_ = instruments;
+}
 
 const CondensedProblem* VirtualDaemon::newest() {
+  if (halves_) return halves_->made.step > 0 ? &halves_->made : nullptr;
   problems_.acquire();
   return haptic_.problem();
 }
 
-InstrumentSamples VirtualDaemon::latch() { return samples_of(told_); }
+InstrumentSamples VirtualDaemon::latch() {
+  if (halves_) halves_->hands.take(free_ns_, told_);
+  return samples_of(told_);
+}
 
 void VirtualDaemon::publish(StepAction) {
-  problems_.back().published_ns = free_ns_;
-  if (settings_.carried) settings_.carried(problems_.back());
-  problems_.publish();
+  CondensedProblem& made = problem();
+  made.published_ns = free_ns_;
+  if (settings_.carried) settings_.carried(made);
+  if (!halves_) {
+    problems_.publish();
+    return;
+  }
+  auto sent = std::make_unique<CondensedProblem>();
+  copy_in_use(made, *sent);
+  const auto nodes = static_cast<std::size_t>(made.nodes);
+  const std::size_t bytes = 18 * nodes * nodes + 12 * static_cast<std::size_t>(made.samples);
+  halves_->problems.send(halves_->link.problem(free_ns_, bytes), std::move(sent));
 }
 
 std::optional<ReferenceJob> VirtualDaemon::finished_reference() {

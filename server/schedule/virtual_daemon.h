@@ -19,6 +19,7 @@
 #include "haptic/haptic_tick.h"
 #include "server/scene/scene.h"
 #include "server/schedule/step_schedule.h"
+#include "server/schedule/virtual_link.h"
 
 namespace hapticd {
 
@@ -45,6 +46,7 @@ struct VirtualDaemonSettings {
   std::function<void(ReferenceFactor&)> make;
   // What becomes of a problem on its way to the tick. Absent: nothing.
   std::function<void(CondensedProblem&)> carried;
+  std::optional<LinkTrouble> link;  // between the halves (server/edge); absent: they are one process
 };
 
 class VirtualDaemon final : private StepHost {
@@ -72,7 +74,7 @@ class VirtualDaemon final : private StepHost {
   World& world() { return *world_; }  // between ticks
   const HapticTick& haptic() const { return haptic_; }
   const StepSchedule& schedule() const { return schedule_; }
-  // Published last, or null.
+  // Published last, or null; of two halves only right after the publication.
   const CondensedProblem* newest();
   const InstrumentInputs& told() const { return told_; }
 
@@ -82,10 +84,20 @@ class VirtualDaemon final : private StepHost {
     ReferenceJob job;
   };
 
+  // The halves' link, and what is on it.
+  struct Halves {
+    explicit Halves(const LinkTrouble& trouble) : link(trouble) {}
+    VirtualLink link;
+    CondensedProblem made;  // the simulation's own
+    Underway<std::unique_ptr<CondensedProblem>> problems;
+    Underway<InstrumentInputs> hands;
+  };
+
   std::int64_t time_of(const PlannedAction& planned) const;
+  void deliver(std::int64_t now_ns);
 
   InstrumentSamples latch() override;
-  CondensedProblem& problem() override { return problems_.back(); }
+  CondensedProblem& problem() override { return halves_ ? halves_->made : problems_.back(); }
   void publish(StepAction as) override;
   std::optional<ReferenceJob> finished_reference() override;
   void make_reference(ReferenceJob job) override;
@@ -97,7 +109,9 @@ class VirtualDaemon final : private StepHost {
   Channel<CondensedProblem> problems_;
   HapticTick haptic_;
   InstrumentInputs told_;
+  std::unique_ptr<Halves> halves_;
   std::deque<Reference> references_;
+  std::int64_t now_ns_ = 0;      // as far as time has passed
   std::int64_t free_ns_;         // the simulation's last action ended
   std::int64_t begun_ns_ = 0;    // the step under way, or the last, began
   std::int64_t refresh_ns_ = 0;  // the last refresh latched its pose

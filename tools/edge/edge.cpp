@@ -30,8 +30,8 @@ constexpr auto relaxed = std::memory_order_relaxed;
 struct EdgeCommand {
   std::string scene, mode, record, json, secure, log;
   std::uint32_t domain = 0, simulation_domain = 0;
-  double duration = 0, seconds = 0;
-  bool force = false, tries = false;
+  double duration = 0, seconds = 0, late_ms = 0;
+  bool force = false, tries = false, bare = false;
 };
 
 LoopCounters counters_of(const EdgeSession& session, int device, std::uint32_t id) {
@@ -58,7 +58,8 @@ int try_scene(const EdgeCommand& o, const Scene& scene) {
                                  {"float_rms_rel", t.force_rms_rel},
                                  {"float_max_rel", t.force_max_rel},
                                  {"force_peak_n", t.force_peak},
-                                 {"patches", nlohmann::ordered_json::array()}};
+                                 {"patches", nlohmann::ordered_json::array()},
+                                 {"links", nlohmann::ordered_json::array()}};
   Table table{
       {"scene", scene.name + ", " + fixed(t.seconds, 1) + " s, " + std::to_string(t.problems) + " problems"},
       {"one problem a step", fixed(t.mbit_steps, 1) + " Mbit/s at " + fixed(t.rate, 0) + " Hz"},
@@ -78,6 +79,18 @@ int try_scene(const EdgeCommand& o, const Scene& scene) {
         "patch of " + std::to_string(p.nodes_from) + " to " + std::to_string(p.nodes_to) + " nodes",
         fixed(1e-3 * p.mean_bytes, 1) + " kB, " + fixed(p.mbit_at_rate, 1) + " Mbit/s at " +
             fixed(t.rate, 0) + " Hz, " + std::to_string(p.problems) + " problems");
+  }
+  for (const LinkCost& c : t.links) {
+    const LinkTrouble& l = c.link;
+    json["links"].push_back({{"delay_ms", rounded(1e3 * l.delay, 3)},
+                             {"jitter_ms", rounded(1e3 * l.jitter, 3)},
+                             {"loss", l.loss},
+                             {"force_rms_rel", c.force_rms_rel},
+                             {"force_tank_rms_rel", c.tanked_rms_rel}});
+    table.emplace_back("force over a link of " + fixed(1e3 * l.delay, 0) + " ± " + fixed(1e3 * l.jitter, 0) +
+                           " ms, loss " + fixed(100 * l.loss, 0) + " %",
+                       "differs by " + fixed(100 * c.force_rms_rel, 2) + " % RMS of the peak, " +
+                           fixed(100 * c.tanked_rms_rel, 2) + " % with the tank");
   }
   if (!o.json.empty()) write_json(o.json, json);
   print(table);
@@ -120,6 +133,8 @@ int run(const EdgeCommand& o) {
   EdgeOptions options{
       .domain = o.domain, .simulation_domain = o.simulation_domain, .record = {}, .security = {}};
   options.mode = o.mode.empty() ? scene.haptic_mode : o.mode == "event" ? LoopMode::event : LoopMode::tick;
+  options.tank = !o.bare;
+  options.late = 1e-3 * o.late_ms;
   if (!o.record.empty()) options.record = o.record;
   if (!o.secure.empty()) options.security = security_files(o.secure, "edge");
   EdgeSession session(scene, options);
@@ -160,6 +175,16 @@ Command add_edge(CLI::App& application) {
       ->check(not_negative);
   app->add_option("--mode", o->mode, "instead of the scene's haptic.mode")
       ->check(CLI::IsMember({"tick", "event"}));
+  CLI::Option* bare =
+      app->add_flag("--no-tank", o->bare,
+                    "do not hold back what a late problem would give the hand beyond what the hand "
+                    "put in");
+  app->add_option(
+         "--late", o->late_ms,
+         "ms: problems are felt until they are so old, instead of 60, and lost 140 ms later: for links of "
+         "20 ms and more")
+      ->check(CLI::Range(60.0, 500.0))
+      ->excludes(bare);
   app->add_option("--record", o->record, "write every tick to this rosbag2 directory, or CSV: FILE.csv")
       ->type_name("DIR|FILE.csv");
   app->add_option("--json", o->json, "write the figures to this file")->type_name("FILE");

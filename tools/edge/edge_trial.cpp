@@ -62,8 +62,12 @@ class Traffic {
   std::map<int, Row> rows_;
 };
 
-void compare(const std::vector<OfflineTick>& as_it_is, const std::vector<OfflineTick>& carried,
-             EdgeTrial& trial) {
+struct ForceDifference {
+  double rms_rel = 0, max_rel = 0, peak = 0;
+};
+
+ForceDifference difference_of(const std::vector<OfflineTick>& as_it_is,
+                              const std::vector<OfflineTick>& carried) {
   double squares = 0, largest = 0, peak = 0;
   const std::size_t ticks = std::min(as_it_is.size(), carried.size());
   for (std::size_t k = 0; k < ticks; ++k) {
@@ -72,13 +76,22 @@ void compare(const std::vector<OfflineTick>& as_it_is, const std::vector<Offline
     largest = std::max(largest, error);
     peak = std::max(peak, as_it_is[k].wrench.head<3>().norm());
   }
-  if (ticks == 0 || peak == 0) return;
-  const double rms = std::sqrt(squares / static_cast<double>(ticks)) / peak;
-  if (trial.force_peak > 0 && rms <= trial.force_rms_rel) return;
-  trial.force_rms_rel = rms;
-  trial.force_max_rel = largest / peak;
-  trial.force_peak = peak;
+  if (ticks == 0 || peak == 0) return {};
+  return {std::sqrt(squares / static_cast<double>(ticks)) / peak, largest / peak, peak};
 }
+
+// Of the hand that is worst off.
+ForceDifference worst(const Scene& scene, const OfflineResult& as_it_is, const OfflineResult& carried) {
+  ForceDifference all;
+  for (int i = 0; i < static_cast<int>(scene.instruments.size()); ++i) {
+    const ForceDifference of = difference_of(as_it_is.hands[i], carried.hands[i]);
+    if (all.peak == 0 || of.rms_rel > all.rms_rel) all = of;
+  }
+  return all;
+}
+
+constexpr LinkTrouble links[] = {{0, 0, 0},     {1e-3, 0, 0},        {5e-3, 0, 0},  {5e-3, 2e-3, 0.05},
+                                 {20e-3, 0, 0}, {20e-3, 5e-3, 0.05}, {100e-3, 0, 0}};
 
 }  // namespace
 
@@ -89,9 +102,10 @@ EdgeTrial try_edge(const Scene& scene, double seconds) {
   trial.seconds = input.to - input.from;
   trial.rate = scene.rate;
   Progress progress("edge trial");
-  const auto part = [&progress](double from, const char* what) -> OfflineProgress {
-    return [&progress, from, what](double fraction) {
-      progress.show(from + fraction / 2, what);
+  constexpr double runs = 2 + 2 * std::size(links);
+  const auto part = [&progress](double run, const char* what) -> OfflineProgress {
+    return [&progress, run, what](double fraction) {
+      progress.show((run + fraction) / runs, what);
       return true;
     };
   };
@@ -100,9 +114,23 @@ EdgeTrial try_edge(const Scene& scene, double seconds) {
   Traffic traffic(static_cast<int>(scene.instruments.size()));
   OfflineOptions through;
   through.carried = [&traffic](CondensedProblem& problem) { traffic.carry(problem); };
-  const OfflineResult carried = run_offline(scene, input, through, part(0.5, "as it would arrive"));
-  for (std::size_t i = 0; i < scene.instruments.size(); ++i)
-    compare(as_it_is.hands[static_cast<int>(i)], carried.hands[static_cast<int>(i)], trial);
+  const OfflineResult carried = run_offline(scene, input, through, part(1, "as it would arrive"));
+  const ForceDifference packing = worst(scene, as_it_is, carried);
+  trial.force_rms_rel = packing.rms_rel;
+  trial.force_max_rel = packing.max_rel;
+  trial.force_peak = packing.peak;
+  double run = 2;
+  for (const LinkTrouble& link : links) {
+    LinkCost cost{.link = link};
+    for (const bool tank : {false, true}) {
+      OfflineOptions late;
+      late.link = link;
+      late.passivity_control = tank;
+      const OfflineResult there = run_offline(scene, input, late, part(run++, "over a link"));
+      (tank ? cost.tanked_rms_rel : cost.force_rms_rel) = worst(scene, as_it_is, there).rms_rel;
+    }
+    trial.links.push_back(cost);
+  }
   traffic.report(trial.seconds + input.settle, scene.rate, trial);
   return trial;
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "server/schedule/virtual_link.h"
 
 namespace hapticd {
 
@@ -18,6 +19,12 @@ struct PatchTraffic {
   std::size_t problems = 0;
   double mean_bytes = 0, mbit_at_rate = 0;  // one problem of such a patch in each step
   int samples_max = 0;
+};
+
+// A link's cost in force, of the hand that is worst off, over the peak.
+struct LinkCost {
+  LinkTrouble link;
+  double force_rms_rel = 0, tanked_rms_rel = 0;  // without the tank (haptic/passivity.h), and with it
 };
 
 struct EdgeTrial {
@@ -31,6 +38,7 @@ struct EdgeTrial {
   double force_peak = 0;    // [N], of that hand
   std::size_t refused = 0;  // problems that were not read back: none
   std::vector<PatchTraffic> patches;
+  std::vector<LinkCost> links;
 };
 
 // seconds: of the trajectories, at most; 0: all.

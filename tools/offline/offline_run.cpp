@@ -67,6 +67,7 @@ HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
     options.usable_residual = 1;  // an answer for as much work as was asked for, whatever it is worth
   }
   options.blend_time = o.blend_time;
+  options.passivity_control = o.passivity_control;
   if (o.limits) return options;
   constexpr std::int64_t never = std::int64_t{1} << 60;
   options.watchdog.problem_old_ns = options.watchdog.problem_lost_ns = never;
@@ -96,6 +97,7 @@ class Run {
     settings.schedule.refresh_at = settings.schedule.interims ? options.refresh_at : std::vector<double>{};
     settings.first_ns = first_ns;
     settings.carried = options.carried;
+    settings.link = options.link;
     settings.before = [this](StepAction action, std::int64_t ns) { before(action, ns); };
     settings.after = [this](StepAction action, std::int64_t) { after(action); };
     settings.make = [this](ReferenceFactor& factor) {

@@ -18,6 +18,7 @@
 #include "physics/simulation/world.h"
 #include "server/record/trajectory.h"
 #include "server/scene/scene.h"
+#include "server/schedule/virtual_link.h"
 
 namespace hapticd {
 
@@ -79,6 +80,8 @@ struct OfflineOptions {
   double reference_after = 0.04;  // [s]
   // What becomes of a problem on its way to the tick. Absent: nothing.
   std::function<void(CondensedProblem&)> carried = {};
+  std::optional<LinkTrouble> link = {};  // between the daemon's halves
+  bool passivity_control = false;
 };
 
 // Of one instrument.

@@ -26,6 +26,7 @@ HapticOptions haptic_of(const Scene& scene, const DaemonRendererOptions& options
   HapticOptions haptic = haptic_options(scene);
   haptic.passivity_control = options.passivity_control;
   haptic.blend_time = options.blend_time.value_or(haptic.blend_time);
+  if (options.problem_old > 0) let_problems_grow_old(haptic.watchdog, options.problem_old);
   if (options.sweeps_only > 0) {
     haptic.contact.coulomb.max_newton = 0;
     haptic.contact.coulomb.max_sweeps = options.sweeps_only;
@@ -56,6 +57,7 @@ DaemonRenderer::DaemonRenderer(const Scene& scene, const DaemonRendererOptions& 
 VirtualDaemonSettings DaemonRenderer::settings() {
   VirtualDaemonSettings s;
   s.first_ns = first_ns;
+  s.link = options_.link;
   if (options_.stall_for > 0) {
     s.stall_from = first_ns + nanoseconds(options_.stall_from);
     s.stall_to = s.stall_from + nanoseconds(options_.stall_for);

@@ -24,6 +24,8 @@ struct DaemonRendererOptions {
   double publish_after = 10e-3;          // of a step's begin, at most a period [s]
   double stall_from = 0, stall_for = 0;  // [s]
   int reference_steps = 1;  // from the step that asks for a reference factor to the one that adopts it
+  std::optional<LinkTrouble> link;   // between the daemon's halves
+  double problem_old = 0;            // let_problems_grow_old; 0: as usual [s]
   std::optional<double> blend_time;  // after a removal [s]; absent: the daemon's
   int sweeps_only = 0;               // > 0: contact by so many sweeps of block Gauss-Seidel, in both loops
 };

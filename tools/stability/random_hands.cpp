@@ -28,8 +28,7 @@ class Episode {
       : scene_(with_hands(scene, hands.size())),
         seed_(seed),
         report_(report),
-        daemon_(scene_, settings.passivity_control, 1,
-                [this] { watch_.begin_step(daemon_.world().bodies()); }),
+        daemon_(scene_, daemon_settings(settings, seed)),
         watch_(scene_, daemon_.world().bodies(), hands.front().peak_speed),
         nodes_(nodes_in_use()) {
     for (int i = 0; i < static_cast<int>(hands.size()); ++i) {
@@ -100,6 +99,15 @@ class Episode {
     Quat turned = Quat::Identity();
     ForceSample last;
   };
+
+  HandsDaemonSettings daemon_settings(const RandomSettings& of, std::uint64_t seed) {
+    HandsDaemonSettings settings{.passivity_control = of.passivity_control,
+                                 .link = of.link,
+                                 .problem_old = of.problem_old,
+                                 .begun = [this] { watch_.begin_step(daemon_.world().bodies()); }};
+    if (settings.link) settings.link->seed = seed;
+    return settings;
+  }
 
   int hands() const { return static_cast<int>(hand_.size()); }
   const DeviceSettings& device(int i) const { return scene_.instruments[static_cast<std::size_t>(i)].device; }

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "server/schedule/virtual_link.h"
 #include "tools/stability/bench/stray.h"
 #include "tools/stability/bench/trial_tally.h"
 
@@ -26,6 +27,8 @@ struct RandomSettings {
   std::int64_t episode = 40'000;
   std::uint64_t seed = 1;
   bool passivity_control = false;
+  std::optional<LinkTrouble> link;  // hands_daemon.h; an episode's seed is its own
+  double problem_old = 0;           // …
 };
 
 struct RandomReport : TrialTally {

@@ -12,6 +12,7 @@
 #include "haptic/device.h"
 #include "server/files/paths.h"
 #include "server/scene/scene_reader.h"
+#include "tools/stability/stability_link.h"
 #include "tools/stability/stability_plans.h"
 #include "tools/stability/stability_stiffness.h"
 #include "tools/stability/stability_two_hands.h"
@@ -142,6 +143,11 @@ bool strayed_with_a_blade(const char*, StabilityBench&, const Settings& settings
   return on;
 }
 
+bool linked(const char*, StabilityBench& bench, const Settings& settings, StabilityChart& chart,
+            const ModeProgress& progress) {
+  return chart_link(bench, settings, chart, progress);
+}
+
 struct Entry {
   const char* name;
   bool (*run)(const char* name, StabilityBench&, const Settings&, StabilityChart&, const ModeProgress&);
@@ -178,6 +184,7 @@ constexpr Entry entries[] = {
     {"stiffness ratio", swept<plan_stiffness_ratio>, 1},
     {"two hands", charted<chart_two_hands>, 60},
     {"one hand late", swept<plan_one_late>, 3},
+    {"link", linked, 60},
     {"random", strayed, 50},
     {"carve", carved, 50},
     {"random two", strayed_together, 100},
@@ -256,6 +263,7 @@ StabilityChart chart_stability(const Scene& cube, const StabilitySettings& setti
     join("two_hands", chart.two_hands, part.two_hands);
     join("random_two", chart.random_two, part.random_two);
     join("random_cuts", chart.random_cuts, part.random_cuts);
+    join("links", chart.links, part.links);
   }
   return chart;
 }

@@ -44,6 +44,14 @@ struct TwoHandsPoint {
   Largest free;        // ours without the guide; zero: not measured
 };
 
+// A link between the daemon's halves, with the tank (haptic/passivity.h) and without: what a hand at random
+// makes, and the largest sound displayed stiffness.
+struct LinkPoint {
+  LinkTrouble link;
+  RandomReport tanked, bare;
+  Largest displayed, displayed_bare;
+};
+
 struct StabilityChart {
   ShardLedger shard;                // a unit is a mode
   std::vector<StiffnessPoint> map;  // over the device's damping
@@ -54,6 +62,7 @@ struct StabilityChart {
   std::vector<TwoHandsPoint> two_hands;
   std::vector<RandomReport> random_two;  // two hands, then the first of them alone
   std::vector<RandomReport> random_cuts;
+  std::vector<LinkPoint> links;
 };
 
 struct StabilitySettings {

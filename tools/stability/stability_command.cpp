@@ -200,6 +200,21 @@ nlohmann::ordered_json to_json(const TwoHandsPoint& p) {
   return j;
 }
 
+nlohmann::ordered_json to_json(const LinkPoint& p) {
+  return {
+      {"delay_ms", rounded(1e3 * p.link.delay, 3)},
+      {"jitter_ms", rounded(1e3 * p.link.jitter, 3)},
+      {"loss", p.link.loss},
+      {"energy_made_j", p.tanked.made_by_force},
+      {"energy_made_untanked_j", p.bare.made_by_force},
+      {"stiffness_n_per_m", rounded(std::min(p.displayed.steady, p.displayed.passive), 1)},
+      {"steady_n_per_m", rounded(p.displayed.steady, 1)},
+      {"stiffness_untanked_n_per_m", rounded(std::min(p.displayed_bare.steady, p.displayed_bare.passive), 1)},
+      {"steady_untanked_n_per_m", rounded(p.displayed_bare.steady, 1)},
+      {"tank", to_json(p.tanked)},
+      {"no_tank", to_json(p.bare)}};
+}
+
 nlohmann::ordered_json to_json(const DdsPress& p) {
   return {{"force_scale", p.force_scale},
           {"displayed_n_m", rounded(p.displayed, 1)},
@@ -218,9 +233,9 @@ nlohmann::ordered_json to_json(StabilityChart& chart, bool quick) {
   nlohmann::ordered_json json;
   json["command"] = "stability";
   json["quick"] = quick;
-  chart.shard.prepare(json,
-                      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "modes"},
-                      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts"});
+  chart.shard.prepare(
+      json, {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "links", "modes"},
+      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "links"});
   for (const StiffnessPoint& p : chart.map) json["map"].push_back(to_json(p));
   for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
   for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
@@ -228,6 +243,7 @@ nlohmann::ordered_json to_json(StabilityChart& chart, bool quick) {
   for (const TwoHandsPoint& p : chart.two_hands) json["two_hands"].push_back(to_json(p));
   for (const RandomReport& r : chart.random_two) json["random_two"].push_back(to_json(r));
   for (const RandomReport& r : chart.random_cuts) json["random_cuts"].push_back(to_json(r));
+  for (const LinkPoint& p : chart.links) json["links"].push_back(to_json(p));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   chart.shard.note(json);
@@ -303,6 +319,16 @@ bool print(const StabilityChart& chart) {
     if (p.free.steady > 0)
       std::printf("; not guided %.2f %.2f", p.free.steady / p.wall.steady, p.free.passive / p.wall.passive);
     std::printf("\n");
+  }
+  for (const LinkPoint& p : chart.links) {
+    std::printf(
+        "link of %g ± %g ms, loss %g %%: made %.3f µJ with the tank, %.3f without; sound to %.0f (%.0f) N/m "
+        "with, %.0f (%.0f) without\n",
+        1e3 * p.link.delay, 1e3 * p.link.jitter, 100 * p.link.loss, 1e6 * p.tanked.made_by_force,
+        1e6 * p.bare.made_by_force, p.displayed.passive, p.displayed.steady, p.displayed_bare.passive,
+        p.displayed_bare.steady);
+    for (const std::string& f : p.tanked.faults) std::printf("  with the tank: %s\n", f.c_str());
+    for (const std::string& f : p.bare.faults) std::printf("  without: %s\n", f.c_str());
   }
   for (const RandomReport& r : chart.random_two) all = print(r) && all;
   for (const RandomReport& r : chart.random_cuts) all = print(r) && all;

@@ -9,16 +9,18 @@ namespace {
 
 constexpr std::int64_t tick_ns = 1'000'000;
 
-HapticOptions options_of(const Scene& scene, bool passivity_control) {
+HapticOptions options_of(const Scene& scene, const HandsDaemonSettings& settings) {
   HapticOptions options = haptic_options(scene);
-  options.passivity_control = passivity_control;
+  options.passivity_control = settings.passivity_control;
+  if (settings.problem_old > 0) let_problems_grow_old(options.watchdog, settings.problem_old);
   return options;
 }
 
-VirtualDaemonSettings settings_of(const std::function<void()>& begun) {
+VirtualDaemonSettings settings_of(const HandsDaemonSettings& of) {
   VirtualDaemonSettings settings;
-  if (begun)
-    settings.after = [begun](StepAction action, std::int64_t) {
+  settings.link = of.link;
+  if (of.begun)
+    settings.after = [begun = of.begun](StepAction action, std::int64_t) {
       if (action == StepAction::begin) begun();
     };
   return settings;
@@ -26,12 +28,11 @@ VirtualDaemonSettings settings_of(const std::function<void()>& begun) {
 
 }  // namespace
 
-HandsDaemon::HandsDaemon(const Scene& scene, bool passivity_control, int reference_steps,
-                         const std::function<void()>& begun)
-    : daemon_(make_world(scene), scene.rate, devices_of(scene), options_of(scene, passivity_control),
-              settings_of(begun)) {
+HandsDaemon::HandsDaemon(const Scene& scene, const HandsDaemonSettings& settings)
+    : daemon_(make_world(scene), scene.rate, devices_of(scene), options_of(scene, settings),
+              settings_of(settings)) {
   VirtualTiming timing = usual_timing(daemon_.world());
-  timing.reference = std::llround(1e9 * reference_steps / scene.rate);
+  timing.reference = std::llround(1e9 / scene.rate);
   daemon_.set_timing(timing);
 }
 

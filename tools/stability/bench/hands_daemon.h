@@ -8,12 +8,16 @@
 
 namespace hapticd {
 
+struct HandsDaemonSettings {
+  bool passivity_control = false;
+  std::optional<LinkTrouble> link;  // between the daemon's halves
+  double problem_old = 0;           // of the watchdog; a problem is lost 140 ms later; 0: as usual [s]
+  std::function<void()> begun;      // called when a step has begun, after its removals and cuts
+};
+
 class HandsDaemon {
  public:
-  // reference_steps: from the step that asks for a reference factor to the one that adopts it. begun: called
-  // when a step has begun, after its removals and cuts.
-  explicit HandsDaemon(const Scene& scene, bool passivity_control = false, int reference_steps = 1,
-                       const std::function<void()>& begun = {});
+  explicit HandsDaemon(const Scene& scene, const HandsDaemonSettings& settings = {});
 
   // Of each device the state that arrived since the last tick, or null; a device without a client has none.
   EachInstrument<ForceSample> tick(const EachInstrument<const DeviceSample*>& arrived,

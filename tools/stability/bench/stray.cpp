@@ -23,6 +23,12 @@ StrayPlace about_block(Chance& chance, const StrayPlace& from) {
   return place;
 }
 
+// The cube is 20 mm wide and high, on z = 0, the ball's radius 3 mm.
+StrayPlace about_cube(Chance& chance, const StrayPlace&) {
+  const double x = chance.between(-6e-3, 6e-3), y = chance.between(-6e-3, 6e-3);
+  return {Vec3(x, y, 23e-3 - chance.between(-2e-3, 3e-3)), Vec3::Zero()};
+}
+
 Quat turned_by(const StrayPlace& place) {
   const double angle = place.turn.norm();
   return angle > 0 ? Quat(Eigen::AngleAxisd(angle, place.turn / angle)) : Quat::Identity();
@@ -40,6 +46,8 @@ std::vector<StrayingHand> lens_hands(int count) {
          80e-3});  // 4 mm in 100 ms, minimum jerk
   return hands;
 }
+
+StrayingHand cube_hand() { return {{Vec3(0, 0, 25e-3), Vec3::Zero()}, about_cube, turned_by, 0.31}; }
 
 StrayingHand blade_hand() {
   return {{Vec3(-18e-3, 0, 6e-3), Vec3::Zero()}, about_block, turned_by, 0.17};  // 9 mm in 100 ms

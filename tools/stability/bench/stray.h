@@ -34,6 +34,9 @@ std::vector<StrayingHand> lens_hands(int count);
 // round.
 StrayingHand blade_hand();
 
+// The ball of the scene cube: over, on or up to 3 mm in the cube, upright.
+StrayingHand cube_hand();
+
 class Stray {
  public:
   Stray(std::uint64_t seed, const StrayingHand& hand)

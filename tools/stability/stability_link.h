@@ -1,0 +1,14 @@
+// A simulation that is a network away (server/edge): with the tank (haptic/passivity.h) and without.
+//
+// For each link: a hand strays over the cube, about 100 N/m displayed, so many ticks; and the largest
+// stiffness that a press displays soundly. With the tank problems are felt however late they come.
+#pragma once
+
+#include "tools/stability/stability.h"
+
+namespace hapticd {
+
+bool chart_link(StabilityBench& bench, const StabilitySettings& settings, StabilityChart& chart,
+                const ModeProgress& progress);
+
+}  // namespace hapticd
