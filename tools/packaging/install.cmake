@@ -167,16 +167,20 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 # Devices and DDS profile come with hapticd, which libhaptic-client0 needs.
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "libhaptic-client0 (= ${PROJECT_VERSION}), libeigen3-dev, libsuitesparse-dev, libopenblas-dev, libfcl-dev, \
 libccd-dev, liboctomap-dev, libboost-dev, cyclonedds-dev, cyclonedds-tools, libyaml-cpp-dev, cmake, pkg-config")
+# The first line is the synopsis, of each its own.
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
 set(CPACK_COMPONENT_RUNTIME_DESCRIPTION "haptic server for soft tissue that is being cut
- A daemon with two loops: co-rotational finite elements at 50 Hz, and their contact with an
- instrument solved again at 1 kHz for each new pose of a haptic device, over DDS.
- Compiled for x86-64-v3 (AVX2). The programs link CHOLMOD's parts under the GPL.")
+A daemon with two loops: co-rotational finite elements at 50 Hz, and their
+contact with an instrument solved again at 1 kHz for each new pose of a haptic
+device, over DDS. Compiled for x86-64-v3 (AVX2). The programs link CHOLMOD's
+parts under the GPL.")
 set(CPACK_COMPONENT_CLIENT_DESCRIPTION "haptic server for soft tissue: C library for devices
- A device on a running hapticd: poses out, forces back at 1 kHz, within the device's limits.
- Nothing in it is under the GPL.")
+A device on a running hapticd: poses out, forces back at 1 kHz, within the
+device's limits. Nothing in it is under the GPL.")
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "haptic server for soft tissue: Python
- A device on a running hapticd, scenes without a daemon and recordings, as NumPy arrays.")
+A device on a running hapticd, scenes without a daemon and recordings, as
+NumPy arrays.")
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "haptic server for soft tissue: libraries and headers
- The C library's header, the .idl files, and the static libraries hapticd::physics, hapticd::haptic and
- hapticd::driver with their CMake package.")
+The C library's header, the .idl files, and the static libraries
+hapticd::physics, hapticd::haptic and hapticd::driver with their CMake package.")
 include(CPack)
