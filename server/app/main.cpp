@@ -181,7 +181,8 @@ void write_json(const std::string& file, const auto& json) { write_file(file, js
 void check_outputs(const Arguments& a) {
   const OutputRule rule(a.force);
   rule.require_figures("--json", a.json);
-  if (std::filesystem::path(a.record).extension() == ".csv") rule.require_new("--record", a.record);
+  std::filesystem::path(a.record).extension() == ".csv" ? rule.require_new("--record", a.record)
+                                                        : rule.require_folder("--record", a.record);
   rule.require_new("--schedule", a.schedule);
   rule.require_folder_without("--capture", a.capture, ".contact");
 }

@@ -55,25 +55,27 @@ void require_regular(const std::string& option, const fs::path& file) {
 
 // A place where nothing can be written is refused before the run, not at its end: whether write_file would
 // find one: in the file's folder, or in the nearest one above it that is there.
-void require_place(const std::string& option, const fs::path& file) {
+// `named` is what the person named.
+void require_place(const std::string& option, const fs::path& file, const fs::path& named) {
   if (file.empty()) return;
   std::error_code error;
   fs::path folder = fs::absolute(file, error).parent_path();
   while (!fs::exists(folder, error) && folder.has_relative_path()) folder = folder.parent_path();
-  if (!fs::is_directory(folder, error)) throw InputError(file, 0, option, folder.string() + " is no folder");
+  if (!fs::is_directory(folder, error)) throw InputError(named, 0, option, folder.string() + " is no folder");
   const std::string trial = temporary_beside((folder / file.filename()).string());
   const int descriptor = open(trial.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   if (descriptor < 0)
-    throw InputError(file, 0, option, "cannot be written: " + folder.string() + ": " + std::strerror(errno));
+    throw InputError(named, 0, option, "cannot be written: " + folder.string() + ": " + std::strerror(errno));
   close(descriptor);
   unlink(trial.c_str());
 }
 
+void require_place(const std::string& option, const fs::path& file) { require_place(option, file, file); }
+
 // Takes what is to be done with each entry; a folder that is not there has none.
 void for_each_file(const std::string& option, const fs::path& folder, auto&& f) {
+  OutputRule(false).require_folder(option, folder);
   if (!is_there(folder)) return;
-  std::error_code error;
-  if (!fs::is_directory(folder, error)) throw InputError(folder, 0, option, "is there and is not a folder");
   for (const fs::directory_entry& entry : fs::directory_iterator(folder)) f(entry.path());
 }
 
@@ -107,6 +109,14 @@ void OutputRule::require_table(const std::string& option, const fs::path& file,
   if (!text.empty() && !text.starts_with(header))
     throw InputError(file, 0, option,
                      std::string("is there already, and is no such table of an earlier run") + remedy);
+}
+
+void OutputRule::require_folder(const std::string& option, const fs::path& folder) const {
+  if (folder.empty()) return;
+  std::error_code error;
+  if (is_there(folder) && !fs::is_directory(folder, error))
+    throw InputError(folder, 0, option, "is there and is not a folder");
+  require_place(option, folder / "file", folder);
 }
 
 void OutputRule::require_figures_folder(const std::string& option, const fs::path& folder,

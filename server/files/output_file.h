@@ -4,7 +4,8 @@
 //   a folder of figures, snapshots the same; what has other names in it is left alone
 //   mesh, scene, recording         a new name, always
 //   --force                        replaces any file; a rosbag2 recording never (bag_writer.h)
-//   one output an instrument       the first has the name given, run.csv; the one called NAME has run.NAME.csv
+//   one output an instrument       the first has the name given, run.csv; the one called NAME has
+//   run.NAME.csv
 //
 // To be asked before the run's work begins, of every path that a person names and of every name derived from
 // one. An empty path is no output. Errors: InputError naming the file and the option.
@@ -27,6 +28,8 @@ class OutputRule {
   // No file, an empty one, or one that begins as this table's header does.
   void require_table(const std::string& option, const std::filesystem::path& file,
                      const std::string& header) const;
+  // A folder in which files can be made, or none and one can be made. So it is of the next three, too.
+  void require_folder(const std::string& option, const std::filesystem::path& folder) const;
   // No folder, or one where a file named STEM.*, STEM_* or as `figures` lies only beside `figures` of ours.
   void require_figures_folder(const std::string& option, const std::filesystem::path& folder,
                               const std::string& figures, const std::string& stem) const;

@@ -54,7 +54,8 @@ struct Recorded {
 };
 
 std::string waited(const RecordOptions& o) {
-  return " in " + dds_place(o.domain, "loopback") + " within " + std::to_string(static_cast<int>(o.wait)) + " s";
+  return " in " + dds_place(o.domain, "loopback") + " within " + std::to_string(static_cast<int>(o.wait)) +
+         " s";
 }
 
 std::vector<HeardInstrument> devices_of(const RecordOptions& o, const Participant& participant) {
@@ -105,7 +106,8 @@ int finish(const RecordOptions& o, const std::deque<Recorded>& devices, int fram
     }
     figures_of(r, of);
     table.emplace_back("ticks heard", std::to_string(r.ticks));
-    table.emplace_back("messages recorded / lost", std::to_string(r.kept()) + " / " + std::to_string(r.lost()));
+    table.emplace_back("messages recorded / lost",
+                       std::to_string(r.kept()) + " / " + std::to_string(r.lost()));
     good = good && r.ticks > 0 && r.lost() == 0 && !(r.bag && r.bag->failed());
     for (const char* key : {"ticks", "ticks_without_pose", "messages_recorded", "messages_lost"})
       json[key] = json.value(key, std::uint64_t{0}) + of[key].get<std::uint64_t>();
@@ -125,6 +127,7 @@ int record(const RecordOptions& o) {
   const OutputRule rule(o.force);
   rule.require_folder_without("--vtk", o.vtk, "");
   rule.require_figures("--json", o.json);
+  rule.require_folder("DIR", o.directory);
   if (!o.directory.empty()) require_no_bag(o.directory);
   std::optional<Security> security;
   if (!o.secure.empty()) security = security_files(o.secure, o.role);
@@ -144,7 +147,8 @@ int record(const RecordOptions& o) {
       r.take();
       ticks += r.ticks;
       if (r.ticks == 0 && t > o.wait)
-        throw std::runtime_error("no daemon answered for device " + std::to_string(r.device.device_id) + waited(o));
+        throw std::runtime_error("no daemon answered for device " + std::to_string(r.device.device_id) +
+                                 waited(o));
     }
     if (frames) frames->poll();
     if (o.duration > 0 && t >= o.duration) break;
@@ -163,7 +167,10 @@ Command add_record(CLI::App& application) {
   CLI::App* app = application.add_subcommand(
       "record",
       "Records a running daemon: poses, wrenches and diagnostics as rosbag2, the scene for ParaView.");
-  app->add_option("DIR", o->directory, "rosbag2 recording to make (sqlite3); of several instruments that of the first, DIR.NAME of the others")->type_name("");
+  app->add_option("DIR", o->directory,
+                  "rosbag2 recording to make (sqlite3); of several instruments that of the first, DIR.NAME "
+                  "of the others")
+      ->type_name("");
   app->add_option("--vtk", o->vtk, "write the scene 25 times a second for ParaView, DIR/scene.pvd")
       ->type_name("DIR");
   app->add_option("--duration", o->duration, "stop after so many seconds; 0: at Ctrl-C")

@@ -63,6 +63,20 @@ TEST_F(OutputFile, APlaceWhereNothingCanBeWrittenIsRefused) {
     }
 }
 
+TEST_F(OutputFile, AFolderThatCannotBeMadeIsRefused) {
+  for (const fs::path& p : {fs::path("/proc/none"), fs::path("/proc"), file("is_a_file", "x") / "none",
+                            file("is_a_file"), folder_ / std::string(300, 'x') / "none"})
+    for (const bool force : {false, true}) {
+      const OutputRule rule(force);
+      EXPECT_THROW(rule.require_folder("--x", p), InputError) << p;
+      EXPECT_THROW(rule.require_figures_folder("--x", p, "a.json", "a"), InputError) << p;
+      EXPECT_THROW(rule.require_folder_without("--x", p, ""), InputError) << p;
+      EXPECT_THROW(rule.require_snapshots_folder("--x", p), InputError) << p;
+    }
+  EXPECT_NO_THROW(OutputRule(false).require_folder("--x", folder_ / "none" / "of" / "it"));
+  EXPECT_FALSE(fs::exists(folder_ / "none"));
+}
+
 TEST_F(OutputFile, ALinkThatLiesWhereTheTemporaryGoesIsNotFollowed) {
   const fs::path out = file("out.json"), precious = file("precious", "kept");
   fs::create_symlink(precious, out.string() + "." + std::to_string(getpid()) + ".part");
