@@ -8,11 +8,14 @@
 #include <nlohmann/json.hpp>
 
 #include "physics/compliance/compliance.h"
+#include "physics/tissue/mesh_quality.h"
 #include "physics/tissue/surface.h"
 #include "server/files/format.h"
+#include "server/files/input_error.h"
+#include "server/mesh/mesh_unit.h"
 #include "server/plan/model_trial.h"
-#include "server/scene/scene_bodies.h"
 #include "server/scene/plausibility.h"
+#include "server/scene/scene_bodies.h"
 #include "server/scene/scene_describe.h"
 
 namespace hapticd {
@@ -118,6 +121,8 @@ class Planner {
   void make_rigid(SceneBody& body) {
     if (!chooses_ || !deforms(body) || body.pinned_simulated || !may_be_static(body)) return;
     if (body.mesh.nodes.size() > largest_exact) return;
+    const auto felt = [&](const SceneBody& b) { return deforms(b) && beyond_reach(plan_.scene, b) < 0; };
+    if (std::count_if(plan_.scene.bodies.begin(), plan_.scene.bodies.end(), felt) < 2) return;
     const double c = softest_node(body);
     const double share = c / (c + 1 / scene().first().coupling.stiffness);
     // What is left for the rest must still be most of it.
@@ -130,11 +135,33 @@ class Planner {
     rigid_error_ += share;
   }
 
+  // A tissue that no hand can touch is no scene: most often its mesh is in another unit.
+  [[noreturn]] void refuse_out_of_reach() const {
+    const SceneBody* nearest = nullptr;
+    for (const SceneBody& b : plan_.scene.bodies)
+      if (b.kind == BodyKind::deformable &&
+          (!nearest || beyond_reach(plan_.scene, b) < beyond_reach(plan_.scene, *nearest)))
+        nearest = &b;
+    if (!nearest)
+      throw InputError(plan_.scene.file, 0, "bodies", "none deforms: there is nothing to simulate");
+    const double size = measure_mesh(nearest->mesh).diagonal();
+    const std::string likely = likely_unit(size);
+    const std::string unit =
+        likely.empty() ? "" : "; is its mesh in " + likely + "? (mesh_unit: " + likely + ")";
+    throw InputError(
+        plan_.scene.file, 0, "bodies",
+        format("nothing that deforms is within the device's reach: %s is %.3g mm beyond it, and %.3g "
+               "mm from corner to corner%s (mapping.origin, mapping.position_scale)",
+               nearest->name.c_str(), 1e3 * beyond_reach(plan_.scene, *nearest), 1e3 * size, unit.c_str()));
+  }
+
   void measure() {
     if (largest_body(scene()) > largest_exact && chooses_ && !scene().pinned_compliance)
       scene().compliance = ComplianceMethod::zone;
     // One short run tells what a step costs, and so how long a stroke the budget pays for.
-    const TrialRun first = run_pilot(scene(), pilot_stroke(scene(), 0.1));
+    const PilotStroke shortly = pilot_stroke(scene(), 0.1);
+    if (shortly.pose.empty()) refuse_out_of_reach();
+    const TrialRun first = run_pilot(scene(), shortly);
     const double step = std::max(0.05, first.cost_ms);
     const double h_ms = 1e3 / scene().rate;
     double seconds = std::clamp(pilots_budget_ms / usual_pilots / step * h_ms * 1e-3 - settled,

@@ -1,7 +1,8 @@
 // The least model a scene needs: which terms are worth their cost, decided by what they cost and change here.
 //
 //   out of reach  the device cannot bring the instrument to it: it stands still and costs nothing
-//   rigid         its softest surface node against the coupling: e ≤ c/(c + 1/K_vc), c = n·C n, C of K alone
+//   rigid         its softest surface node against the coupling: e ≤ c/(c + 1/K_vc), c = n·C n, C of K alone;
+//                 never the last that deforms within reach
 //   the rest      a cheaper choice is run along a stroke (model_trial.h), and made if it costs less and
 //   leaves
 //                 the whole plan's force error within four fifths of `accuracy`
@@ -15,7 +16,8 @@
 //
 // Costs: CPU ms per simulation step, its haptic ticks and bases included. Errors: RMS over peak force, of the
 // stroke, with what a choice adds to the force's jumps at swaps (model_trial.h). Takes about 2 s, longer
-// where a step takes long; nothing is remembered. Throws what reading the scene's trajectory does.
+// where a step takes long; nothing is remembered. Throws what reading the scene's trajectory
+// does, and InputError where nothing that deforms is within the device's reach.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>

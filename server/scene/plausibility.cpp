@@ -7,6 +7,7 @@
 #include "physics/tissue/mesh_quality.h"
 #include "physics/tissue/surface.h"
 #include "server/files/format.h"
+#include "server/mesh/mesh_unit.h"
 
 namespace hapticd {
 namespace {
@@ -25,14 +26,16 @@ double tip_radius(const SceneInstrument& held) {
 void doubt_body(const Scene& scene, const SceneBody& body, std::vector<std::string>& out) {
   const MeshQuality q = measure_mesh(body.mesh);
   const char* name = body.name.c_str();
+  const std::string likely = likely_unit(q.diagonal());
+  const std::string unit =
+      likely.empty() ? "" : "; is the mesh in " + likely + " (mesh_unit: " + likely + ")?";
   if (q.diagonal() > largest)
     out.push_back(
-        format("%s: %.3g m from corner to corner: larger than an organ; is the mesh in mm (mesh_unit: mm)?",
-               name, q.diagonal()));
+        format("%s: %.3g m from corner to corner: larger than an organ%s", name, q.diagonal(), unit.c_str()));
   if (q.diagonal() < smallest)
-    out.push_back(format(
-        "%s: %.3g mm from corner to corner: smaller than an organ; is its unit right (mesh_unit, scale)?",
-        name, 1e3 * q.diagonal()));
+    out.push_back(format("%s: %.3g mm from corner to corner: smaller than an organ%s", name,
+                         1e3 * q.diagonal(),
+                         unit.empty() ? "; is its unit right (mesh_unit, scale)?" : unit.c_str()));
   if (body.kind == BodyKind::rigid) return;
   if (body.material.young < softest || body.material.young > stiffest)
     out.push_back(format("%s: E %.3g Pa: soft tissue has 50 Pa to 10 MPa, an organ some kPa (3e3)", name,

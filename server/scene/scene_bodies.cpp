@@ -6,6 +6,7 @@
 #include "physics/tissue/mesh_quality.h"
 #include "server/files/paths.h"
 #include "server/mesh/mesh_reader.h"
+#include "server/mesh/mesh_unit.h"
 #include "server/scene/scene_parts.h"
 
 namespace hapticd {
@@ -23,8 +24,10 @@ constexpr NumberRange radius{0, 0.2, true, false, "metres; a phaco tip has 5e-4"
 TetMesh read_body_mesh(const YamlMap& yaml, const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file)) throw yaml.error("mesh", "no such file: " + file.string());
   TetMesh mesh = read_mesh_file(file);
-  if (yaml.has("mesh_unit") && yaml.choice("mesh_unit", {"m", "mm"}) == 1)
-    for (Vec3& x : mesh.nodes) x *= 1e-3;
+  if (yaml.has("mesh_unit")) {
+    const double metres = metres_of_unit(yaml.choice("mesh_unit", mesh_units));
+    for (Vec3& x : mesh.nodes) x *= metres;
+  }
   return mesh;
 }
 

@@ -27,6 +27,10 @@ std::string complaint_in(const fs::path& log) {
   std::vector<std::string> errors, all;
   for (std::string line; std::getline(in, line);) {
     if (line.find_first_not_of(" \r\t") == std::string::npos) continue;
+    // A program's own summary of what it said above.
+    if (line.find("---") != std::string::npos || line.find("full log") != std::string::npos ||
+        line.find("1 error") != std::string::npos || line.find(" errors") != std::string::npos)
+      continue;
     all.push_back(line);
     if (line.find("rror") != std::string::npos) errors.push_back(line);
   }
@@ -34,6 +38,13 @@ std::string complaint_in(const fs::path& log) {
   std::string text;
   for (std::size_t i = from.size() > most_lines ? from.size() - most_lines : 0; i < from.size(); ++i)
     text += (text.empty() ? "" : "; ") + from[i];
+  return text;
+}
+
+// Without the folder that is gone when this is read.
+std::string without_folder(std::string text, const fs::path& folder) {
+  const std::string name = folder.string() + "/";
+  for (std::size_t at = 0; (at = text.find(name, at)) != std::string::npos;) text.erase(at, name.size());
   return text;
 }
 
@@ -80,6 +91,7 @@ class Converter {
   std::string run(const std::vector<std::string>& command, const fs::path& output) {
     std::string line;
     for (const std::string& word : command) line += (line.empty() ? "" : " ") + word;
+    line = without_folder(line, options_.folder);
     const fs::path log = options_.folder / "log";
     Child child({.command = command, .output = log.string()});
     const std::optional<int> code = child.wait(longest_s);
@@ -87,7 +99,7 @@ class Converter {
       commands.push_back(line);
       return "";
     }
-    const std::string said = complaint_in(log);
+    const std::string said = without_folder(complaint_in(log), options_.folder);
     return line +
            (code ? " ended with " + std::to_string(*code) : std::string(" took more than five minutes")) +
            (said.empty() ? "" : ": " + said);
@@ -176,7 +188,8 @@ class Converter {
       return mesh;
     } catch (const InputError& e) {
       if (e.file() == file_) throw;
-      throw fault(name_of(format_) + ": what " + commands.back() + " made is not read: " + e.what());
+      throw fault(name_of(format_) + ": what " + commands.back() +
+                  " made is not read: " + without_folder(e.what(), options_.folder));
     }
   }
 

@@ -1,12 +1,15 @@
 // haptic mesh: what a mesh is like, whether hapticd runs on it, what can be repaired, and a scene for it.
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <memory>
 #include <tuple>
 
 #include "physics/tissue/mesh_quality.h"
+#include "server/files/input_error.h"
 #include "server/files/paths.h"
 #include "server/mesh/mesh_repair.h"
+#include "server/mesh/mesh_unit.h"
 #include "server/mesh/mesh_writer.h"
 #include "server/os/realtime.h"
 #include "server/plan/model_trial.h"
@@ -81,6 +84,12 @@ nlohmann::ordered_json to_json(const TetMesh& mesh, const MeshQuality& q, const 
   return json;
 }
 
+// Of what is as large as no organ.
+std::string unit_hint(double diagonal) {
+  const std::string unit = likely_unit(diagonal);
+  return unit.empty() ? "" : ": is it in " + unit + "? (--unit " + unit + ")";
+}
+
 void print_quality(const TetMesh& mesh, const MeshQuality& q, const MeshFaults& faults,
                    const std::vector<int>& zones) {
   const auto mm = [](double m) { return fixed(1e3 * m, 3); };
@@ -89,8 +98,7 @@ void print_quality(const TetMesh& mesh, const MeshQuality& q, const MeshFaults& 
       {"faults in the file", faults_text(faults)},
       {"pieces", std::to_string(q.pieces)},
       {"box", mm(q.high.x() - q.low.x()) + " x " + mm(q.high.y() - q.low.y()) + " x " +
-                  mm(q.high.z() - q.low.z()) + " mm" +
-                  (q.diagonal() > 1 ? ": larger than a metre; is it in mm? (--unit mm)" : "")},
+                  mm(q.high.z() - q.low.z()) + " mm" + unit_hint(q.diagonal())},
       {"volume", fixed(1e9 * q.total_volume, 3) + " mm3; of a tetrahedron " + fixed(1e9 * q.volume.least, 6) +
                      " to " + fixed(1e9 * q.volume.greatest, 6)},
       {"edges", mm(q.edge.least) + " to " + mm(q.edge.greatest) + " mm, mean " + mm(q.edge.mean)},
@@ -197,15 +205,25 @@ int run(const MeshOptions& o) {
   const bool foreign = !read.commands.empty();
   RepairedMesh repaired = repair_mesh(std::move(read.mesh), !o.keep_duplicates);
   TetMesh& mesh = repaired.mesh;
-  if (o.unit == "mm")
-    for (Vec3& x : mesh.nodes) x *= 1e-3;
+  const auto unit = std::find(mesh_units.begin(), mesh_units.end(), o.unit) - mesh_units.begin();
+  for (Vec3& x : mesh.nodes) x *= metres_of_unit(static_cast<int>(unit));
   const MeshQuality quality = measure_mesh(mesh);
   const SceneDefaults defaults = scene_defaults(mesh, quality, o.blade);
   const std::vector<int> zones = nodes_in_reach(mesh, defaults.tip_radius, defaults.alarm_distance);
   print_quality(mesh, quality, repaired.faults, zones);
   nlohmann::ordered_json json = to_json(mesh, quality, repaired.faults, zones);
   std::printf("\n");
-  json["predicted"] = predict(mesh, defaults);
+  std::string refused;
+  try {
+    json["predicted"] = predict(mesh, defaults);
+  } catch (const InputError& e) {  // the scene's, which was made for this alone: its name says nothing
+    const std::string text = e.what();
+    refused = text.substr(text.find(": ", e.file().string().size()) + 2);
+    if (!o.scene.empty())
+      throw InputError(o.file, 0, "",
+                       "no scene is made of this size" + unit_hint(quality.diagonal()) + ": " + refused);
+    std::printf("  no step is tried    a scene of this size is refused: %s\n", refused.c_str());
+  }
 
   if (!o.fix.empty()) {
     try {
@@ -222,9 +240,11 @@ int run(const MeshOptions& o) {
     for (const std::string& reason : defaults.reasons) std::printf("  %s\n", reason.c_str());
     const std::vector<std::string> doubted = doubts(read_scene(o.scene));
     for (const std::string& doubt : doubted) std::printf("  doubt: %s\n", doubt.c_str());
-    json["scene"] = {{"file", o.scene}, {"mesh", mesh_file}, {"reasons", defaults.reasons}, {"doubts", doubted}};
+    json["scene"] = {
+        {"file", o.scene}, {"mesh", mesh_file}, {"reasons", defaults.reasons}, {"doubts", doubted}};
   }
   if (!o.json.empty()) write_json(o.json, json);
+  if (!refused.empty()) return 1;
   if (!o.fix.empty() || !o.scene.empty() || !(foreign || repaired.faults.refused())) return 0;
   std::printf("\nhapticd refuses this file as it stands: --fix OUT.msh writes one that it takes\n");
   return 1;
@@ -234,17 +254,19 @@ int run(const MeshOptions& o) {
 
 Command add_mesh(CLI::App& application) {
   auto options = std::make_shared<MeshOptions>();
-  CLI::App* app =
-      application.add_subcommand("mesh", "Inspects a mesh, repairs it, makes it or a closed surface a scene.");
+  CLI::App* app = application.add_subcommand(
+      "mesh", "Inspects a mesh, repairs it, makes it or a closed surface a scene.");
   app->add_option("FILE", options->file,
-                  "Gmsh 2.2 or 4.1, legacy VTK; by other programs: surfaces (STL, OBJ, PLY, OFF, VTK), VTU, XDMF, XML, "
+                  "Gmsh 2.2 or 4.1, legacy VTK; by other programs: surfaces (STL, OBJ, PLY, OFF, VTK), VTU, "
+                  "XDMF, XML, "
                   "Medit, Abaqus, other Gmsh")
       ->required();
-  app->add_option("--edge", options->edge,
-                  "of a surface: edge of the tetrahedra that fill it, in the file's unit; 0: a 20th of its diagonal")
+  app->add_option(
+         "--edge", options->edge,
+         "of a surface: edge of the tetrahedra that fill it, in the file's unit; 0: a 20th of its diagonal")
       ->check(CLI::NonNegativeNumber);
   app->add_option("--unit", options->unit, "the file's unit; what is written is in metres")
-      ->check(CLI::IsMember({"m", "mm"}))
+      ->check(CLI::IsMember(std::vector<std::string>(mesh_units.begin(), mesh_units.end())))
       ->capture_default_str();
   app->add_option(
       "--fix", options->fix,
@@ -257,9 +279,11 @@ Command add_mesh(CLI::App& application) {
   add_force_option(*app, options->force);
   app->footer(
       "Example: haptic mesh liver.stl --unit mm --scene liver.yaml\n"
-      "Surfaces are filled by gmsh (apt install gmsh) or tetgen, other formats converted by meshio (apt install\n"
+      "Surfaces are filled by gmsh (apt install gmsh) or tetgen, other formats converted by meshio (apt "
+      "install\n"
       "meshio-tools).\n"
-      "Exit code 1: hapticd refuses the file as it stands, and nothing was written instead.");
+      "Exit code 1: hapticd refuses the file as it stands, and nothing was written instead; or a body of its "
+      "size.");
   return {app, [options] { return run(*options); }};
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "server/files/input_error.h"
 #include "server/plan/model_trial.h"
 #include "server/scene/scene_reader.h"
 #include "server/scene/scene_world.h"
@@ -63,8 +64,8 @@ TEST(Plan, JumpsAtSwapsAreCounted) {
   EXPECT_NEAR(felt_error(0.03, 0.06, 0.02), 0.05, 1e-15);
 }
 
-// A press of the cube would do with frozen contact where a tenth of the peak is allowed, and its step has time to
-// spare: nothing is saved there.
+// A press of the cube would do with frozen contact where a tenth of the peak is allowed, and its step has
+// time to spare: nothing is saved there.
 TEST(Plan, AForceThatJumpsFiftyTimesASecondIsNotChosen) {
   Scene scene = read_scene(SOURCE_DIR "/config/scenes/cube/cube.yaml");
   scene.plans = true;
@@ -97,6 +98,31 @@ TEST(Plan, SteelIsRigidAndWhatNobodyReachesIsNotSimulated) {
   const auto world = make_world(plan.scene);
   EXPECT_FALSE(world->bodies()[2].deformable);
   EXPECT_FALSE(world->bodies()[3].deformable);
+}
+
+// A mesh in millimetres read as metres, most often.
+TEST(Plan, ASceneWhoseTissueNobodyReachesIsRefused) {
+  for (const bool plans : {false, true}) {
+    Scene scene = read_scene(SOURCE_DIR "/config/scenes/cube/cube.yaml");
+    scene.plans = plans;
+    for (Vec3& x : scene.bodies[0].mesh.nodes) x = 1e3 * x + Vec3(0, 0, -100);
+    try {
+      make_plan(scene);
+      ADD_FAILURE();
+    } catch (const InputError& e) {
+      EXPECT_EQ(e.key(), "bodies");
+      EXPECT_NE(std::string(e.what()).find("mesh_unit: mm"), std::string::npos) << e.what();
+    }
+  }
+}
+
+TEST(Plan, TheLastTissueWithinReachIsNotMadeRigid) {
+  Scene scene = read_scene(SOURCE_DIR "/config/scenes/cube/cube.yaml");
+  scene.plans = true;
+  scene.bodies[0].removable = false;
+  scene.bodies[0].material.young = 2e11;
+  const Plan plan = make_plan(scene);
+  EXPECT_TRUE(plan.scene.bodies[0].simulated) << describe(plan);
 }
 
 TEST(Plan, WhatIsPinnedStaysAndIsSaidToBe) {

@@ -29,6 +29,26 @@ TEST(MeshCommand, SaysWhatAMeshIsLike) {
   EXPECT_NE(result.output.find("group bottom"), std::string::npos) << result.output;
 }
 
+// Inspection says what it can, and names the unit; nothing that it says is of a file that is gone.
+TEST(MeshCommand, AMeshInAnotherUnitIsKnownByItsSize) {
+  const ScratchDirectory scratch;
+  for (const auto& [unit, metres] : {std::pair{"um", 1e-6}, {"km", 1e3}, {"mm", 1e-3}}) {
+    TetMesh mesh = box_mesh(Vec3(0.02, 0.02, 0.01), 5, 5, 3);
+    for (Vec3& x : mesh.nodes) x /= metres;
+    const std::string file = scratch.file(std::string(unit) + ".vtk"), option = std::string("--unit ") + unit;
+    write_mesh_file(mesh, file);
+    const CommandResult seen = run_haptic("mesh " + file);
+    EXPECT_EQ(seen.code, 1) << seen.output;
+    EXPECT_NE(seen.output.find(option), std::string::npos) << seen.output;
+    EXPECT_NE(seen.output.find("mean ratio"), std::string::npos) << seen.output;
+    EXPECT_EQ(seen.output.find("haptic-mesh-"), std::string::npos) << seen.output;
+    const CommandResult made = run_haptic("mesh " + file + " --scene " + scratch.file("a.yaml"));
+    EXPECT_EQ(made.code, 2) << made.output;
+    EXPECT_NE(made.output.find(option), std::string::npos) << made.output;
+    EXPECT_EQ(run_haptic("mesh " + file + " " + option).code, 0);
+  }
+}
+
 TEST(MeshCommand, ASpoiltMeshIsRefusedRepairedAndMadeAScene) {
   const ScratchDirectory scratch;
   TetMesh mesh = box_mesh({20, 20, 10}, 5, 5, 3);
