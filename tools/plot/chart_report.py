@@ -10,6 +10,7 @@ import json
 import os
 import pathlib
 import platform
+import struct
 import sys
 
 # A chart that is not named here comes at the end, with its pictures alone.
@@ -45,6 +46,8 @@ haptic loop is off by while a piece is pushed 0.4 mm in one step, for what it ho
 last step's; and how far bodies in contact are from answers known by hand, in units of what is asked."""),
 }
 
+WIDE = 1200  # pixels: panels beside one another, which nobody can read on a narrow page
+
 STYLE = """
 :root { color-scheme: light dark; --ground: #fff; --ink: #33383f; --quiet: #6b7280; --accent: #c2410c; --bad: #b00020;
         --line: #e1e4e8; }
@@ -62,7 +65,11 @@ th:first-child, td:first-child { text-align: left; } th { font-weight: 600; whit
 tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: var(--quiet); }
 table.verdict { margin: 1rem 0; } table.verdict td { text-align: left; white-space: normal; }
 .bad { color: var(--bad); font-weight: 600; } .dim { color: var(--quiet); } a { color: var(--accent); }
-nav a { margin-right: 1rem; }
+/* What is wide scrolls on a narrow page, at a size that can be read; a table's first column takes several lines there. */
+@media (max-width: 44rem) {
+  figure.wide { overflow-x: auto; } figure.wide img { max-width: none; width: 44rem; }
+  td:first-child { white-space: normal; min-width: 8rem; }
+}
 /* A wide table takes what the window has beside the text; where that is not enough, it scrolls. */
 .scroll { overflow-x: auto; width: min(94rem, 100vw - 3rem); margin-left: 50%; transform: translateX(-50%); }
 """
@@ -74,7 +81,8 @@ def text(value):
 
 def picture(path):
     data = base64.b64encode(path.read_bytes()).decode("ascii")
-    return f'<figure><img alt="{text(path.stem)}" src="data:image/png;base64,{data}"></figure>'
+    wide = struct.unpack(">I", path.read_bytes()[16:20])[0] > WIDE
+    return f'<figure{" class=wide" if wide else ""}><img alt="{text(path.stem)}" src="data:image/png;base64,{data}"></figure>'
 
 
 def percent(value, digits=2):
@@ -146,7 +154,7 @@ def step_details(data):
              [f"{p['model']}, {p['compliance']}", p["nodes"], p["patch_nodes"], p["contacts"],
               f"{p['step_ms_median']:.2f}", f"{p['step_ms_p99']:.2f}"] + [f"{p['parts_ms'][k]:.2f}" for k in parts])
             for p in data["points"]]
-    head = ["", "nodes", "patch", "contacts", "step p50, ms", "p99"] + [k.replace("_", " ") for k in parts]
+    head = ["", "nodes", "patch", "contacts", "step p50, ms", "p99, ms"] + [k.replace("_", " ") + ", ms" for k in parts]
     text_of = "<p>Parts are means. Grey: more than 0.5 % of the steps took longer than 20 ms.</p>" + table(head, rows)
     if "tick" in data:
         t = data["tick"]
@@ -159,12 +167,25 @@ def step_details(data):
     return text_of
 
 
+def cut_details(data):
+    parts = []
+    if data.get("steps"):
+        parts.append(table(["steps that cut", "nodes", "compliance", "steps", "nodes added", "p50, ms", "p99, ms", "largest, ms"],
+                           [("", ["a lens", s["nodes"], s["compliance"], s["steps_that_cut"], s["nodes_added"], s["step_ms"]["p50"],
+                                  s["step_ms"]["p99"], s["step_ms"]["max"]]) for s in data["steps"]]))
+    if data.get("beam"):
+        parts.append(table(["a notched beam opens", "nodes", "load, mN", "of theory, mN", "times"],
+                           [("", [f"{b['elements_across_arm']} elements across an arm", b["nodes"], f"{1e3 * b['load_n']:.3f}",
+                                  f"{1e3 * b['theory_n']:.3f}", f"{b['load_n'] / b['theory_n']:.2f}"]) for b in data["beam"]]))
+    return "".join(parts)
+
+
 def pieces_details(data):
     parts = []
     if data.get("scenes"):
         rows = [("", [s["name"], s["steps"], s["step_ms"]["p50"], s["step_ms"]["p99"], s["capped"], s["overlap_um_max"],
                       s["tunnelled"], s["touches_max"], f"{s['third_law']:.0e}"]) for s in data["scenes"]]
-        parts.append(table(["stirred", "steps", "step p50, ms", "p99", "capped", "overlap, µm", "tunnelled", "touches",
+        parts.append(table(["stirred", "steps", "step p50, ms", "p99, ms", "capped", "overlap, µm", "tunnelled", "touches",
                             "third law"], rows))
     if data.get("theory"):
         rows = [("" if c["passed"] else "chosen", [c["name"], f"{c['expected']:.6g}", f"{c['found']:.6g}",
@@ -211,6 +232,21 @@ def says(name, data):
     if name == "pieces":
         theory = data.get("theory", [])
         return f"{sum(c['passed'] for c in theory)} of {len(theory)} answers of theory met" if theory else ""
+    if name == "removal":
+        return "; ".join(f"of {c['nodes']} nodes: the paper's updates cost more than {c['method']} after {c['lazy_dearer_after']:.0f} removals"
+                         for c in data.get("crossings", []) if c["lazy_dearer_after"])
+    if name == "cut":
+        return "; ".join(f"of {s['nodes']} nodes: p50 {s['step_ms']['p50']:.1f}, p99 {s['step_ms']['p99']:.1f} ms of 20 in steps that cut"
+                         for s in data.get("steps", []))
+    if name == "warping":
+        worst = {how: max((p["w_rel_error"] for p in data["points"] if (p["shape"], p["method"], p["warping"]) == ("turning", "zone", how)),
+                          default=None) for how in ("none", "piece")}
+        return (f"a body turned as a whole: off by {percent(worst['none'], 0)} % as it was made, {worst['piece']:.0e} turned along"
+                if None not in worst.values() else "")
+    if name == "lcp":
+        own = [p for p in data["points"] if p["solver"] == "hybrid"]
+        return (f"the daemon's: p99 {max(p['us_p99'] for p in own):.0f} µs in the worst case of {len(own)}, "
+                f"{sum(p['failures'] for p in own)} failed") if own else ""
     return ""
 
 
@@ -232,7 +268,7 @@ def verdicts(folder, charts):
     return '<table class="verdict">' + "".join(rows) + "</table>"
 
 
-DETAILS = {"pieces": pieces_details, "force": force_details, "economy": economy_details, "step": step_details}
+DETAILS = {"cut": cut_details, "pieces": pieces_details, "force": force_details, "economy": economy_details, "step": step_details}
 
 
 def section(folder, entry):

@@ -56,7 +56,8 @@ def locking(axes, points, problem):
     axes.set_ylim(low, high * (high / low) ** 0.5)
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
-    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_xticks(sorted({p["size"] for p in points if p["problem"] == problem}))
+    axes.xaxis.set_major_formatter("{x:.2g}")
     axes.xaxis.set_minor_formatter("")
     axes.legend(fontsize=8, loc="upper left", ncol=2)
 

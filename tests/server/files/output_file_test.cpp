@@ -64,8 +64,8 @@ TEST_F(OutputFile, APlaceWhereNothingCanBeWrittenIsRefused) {
 }
 
 TEST_F(OutputFile, AFolderThatCannotBeMadeIsRefused) {
-  for (const fs::path& p : {fs::path("/proc/none"), fs::path("/proc"), file("is_a_file", "x") / "none",
-                            file("is_a_file"), folder_ / std::string(300, 'x') / "none"})
+  for (const fs::path& p :
+       {fs::path("/proc/none"), fs::path("/proc"), file("is_a_file", "x") / "none", file("is_a_file")})
     for (const bool force : {false, true}) {
       const OutputRule rule(force);
       EXPECT_THROW(rule.require_folder("--x", p), InputError) << p;
