@@ -1,5 +1,5 @@
-// Legacy VTK, ASCII or binary, unstructured grid. Both layouts of CELLS are read: version ≤ 4 (each cell its count and
-// nodes) and version 5 (OFFSETS and CONNECTIVITY).
+// Legacy VTK, ASCII or binary, unstructured grid. Both layouts of CELLS are read: version ≤ 4 (each cell its
+// count and nodes) and version 5 (OFFSETS and CONNECTIVITY).
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -157,6 +157,9 @@ class VtkReader {
     } else if (key == "VECTORS" || key == "NORMALS") {
       in_.word(), in_.word();
       skip(3, rows_);
+    } else if (key == "LOOKUP_TABLE") {
+      in_.word();
+      skip(4, in_.count());
     } else if (key == "METADATA") {
       skip_metadata();
     } else {

@@ -53,6 +53,8 @@ class BinaryVtk {
       numbers(product(rows_, w.size() > 3 ? count(w, 3) : 1), word(w, 2));
     } else if (key == "VECTORS" || key == "NORMALS") {
       numbers(product(rows_, 3), word(w, 2));
+    } else if (key == "LOOKUP_TABLE") {  // a table of colours: four bytes each
+      numbers(product(count(w, 2), 4), "unsigned_char");
     } else if (key == "FIELD") {
       for (std::uint64_t i = 0, n = count(w, 2); i < n; ++i) field();
     } else if (key != "DATASET") {
@@ -78,14 +80,14 @@ class BinaryVtk {
   }
 
   void field() {
+    std::string_view whole;  // an array's name keeps its letters' case
     std::vector<std::string> w;
     while (w.empty() || w[0] == "METADATA") {
       if (!w.empty()) section(w);
       if (at_ == bytes_.size()) throw error("ends early");
-      w = split(line());
+      w = split(whole = line());
     }
-    for (const std::string& s : w) text_ += s + ' ';
-    text_ += '\n';
+    text_ += std::string(whole) + '\n';
     numbers(product(count(w, 1), count(w, 2)), word(w, 3));
   }
 

@@ -12,7 +12,6 @@
 #include "physics/tissue/surface.h"
 #include "server/files/format.h"
 #include "server/files/input_error.h"
-#include "server/mesh/mesh_unit.h"
 #include "server/plan/model_trial.h"
 #include "server/scene/plausibility.h"
 #include "server/scene/scene_bodies.h"
@@ -145,9 +144,7 @@ class Planner {
     if (!nearest)
       throw InputError(plan_.scene.file, 0, "bodies", "none deforms: there is nothing to simulate");
     const double size = measure_mesh(nearest->mesh).diagonal();
-    const std::string likely = likely_unit(size);
-    const std::string unit =
-        likely.empty() ? "" : "; is its mesh in " + likely + "? (mesh_unit: " + likely + ")";
+    const std::string unit = unit_question(size);
     throw InputError(
         plan_.scene.file, 0, "bodies",
         format("nothing that deforms is within the device's reach: %s is %.3g mm beyond it, and %.3g "

@@ -26,9 +26,7 @@ double tip_radius(const SceneInstrument& held) {
 void doubt_body(const Scene& scene, const SceneBody& body, std::vector<std::string>& out) {
   const MeshQuality q = measure_mesh(body.mesh);
   const char* name = body.name.c_str();
-  const std::string likely = likely_unit(q.diagonal());
-  const std::string unit =
-      likely.empty() ? "" : "; is the mesh in " + likely + " (mesh_unit: " + likely + ")?";
+  const std::string unit = unit_question(q.diagonal());
   if (q.diagonal() > largest)
     out.push_back(
         format("%s: %.3g m from corner to corner: larger than an organ%s", name, q.diagonal(), unit.c_str()));
@@ -79,6 +77,11 @@ void doubt_body(const Scene& scene, const SceneBody& body, std::vector<std::stri
 }
 
 }  // namespace
+
+std::string unit_question(double diagonal) {
+  const std::string unit = likely_unit(diagonal);
+  return unit.empty() ? "" : "; is the mesh in " + unit + " (mesh_unit: " + unit + ")?";
+}
 
 std::vector<int> nodes_in_reach(const TetMesh& mesh, double tip_radius, double alarm_distance) {
   constexpr std::size_t places = 64;

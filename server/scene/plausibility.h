@@ -20,6 +20,10 @@ namespace hapticd {
 // A sentence each, beginning with the body's name.
 std::vector<std::string> doubts(const Scene& scene);
 
+// "; is the mesh in mm (mesh_unit: mm)?" where what is so large from corner to corner [m] would be an organ
+// in another unit; else empty.
+std::string unit_question(double diagonal);
+
 // How many nodes are within an instrument's reach, 1.6 alarm distances from the tip, at so many places of the
 // surface; sorted.
 std::vector<int> nodes_in_reach(const TetMesh& mesh, double tip_radius, double alarm_distance);

@@ -1,6 +1,6 @@
 // Reads a scene (config/scenes/*/*.yaml, keys in config/README.md) with its meshes, device and trajectory.
 //
-// Units: SI; meshes in metres unless a body says `mesh_unit: mm`. Paths are relative to the scene file; a
+// Units: SI; meshes in metres unless a body says `mesh_unit`. Paths are relative to the scene file; a
 // device may be a name from config/devices. Nothing is started and nothing is guessed: this is the whole of
 // `hapticd --check`.
 // Errors: InputError with file, line and key for an unknown key (the nearest known one named), a value out of

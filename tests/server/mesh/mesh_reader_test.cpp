@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
+
 #include <algorithm>
 #include <random>
 #include <set>
@@ -35,8 +37,8 @@ double volume(const TetMesh& mesh) {
 }
 
 // Two tetrahedra, five nodes, MSH 2.2; elements on lines 14 and on.
-std::string two_tets(const std::string& elements, const std::string& nodes =
-                                                       "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n") {
+std::string two_tets(const std::string& elements,
+                     const std::string& nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n") {
   const auto lines = [](const std::string& s) {
     return std::to_string(std::count(s.begin(), s.end(), '\n'));
   };
@@ -103,13 +105,46 @@ TEST(MeshReader, VtkArraysMakeGroups) {
   // The layout of VTK 5.
   const TetMesh five = read_mesh(head +
                                      "CELLS 3 8\nOFFSETS vtktypeint64\n0 4 8\nCONNECTIVITY vtktypeint64\n"
-                                     "0 1 2 3 1 2 3 4\nCELL_TYPES 2\n10\n10\n" + data_part, "m.vtk");
+                                     "0 1 2 3 1 2 3 4\nCELL_TYPES 2\n10\n10\n" +
+                                     data_part,
+                                 "m.vtk");
   expect_equal(mesh, five);
 }
 
+// A table of colours of one's own after the values that name it: numbers in text, four bytes each in binary.
+TEST(MeshReader, VtkLookupTablesAreSkipped) {
+  const std::string head = "# vtk DataFile Version 3.0\nx\n",
+                    text =
+                        "ASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS 1 "
+                        "5\n4 0 1 2 3\nCELL_TYPES 1\n10\n"
+                        "POINT_DATA 4\nSCALARS heat float 1\nLOOKUP_TABLE mine\n0 1 2 3\nLOOKUP_TABLE mine "
+                        "2\n0 0 0 1 1 1 1 1\n"
+                        "FIELD f 1\nheld 1 4 int\n1 0 0 1\n";
+  const auto big = [](std::uint32_t word) {
+    return std::string{static_cast<char>(word >> 24), static_cast<char>(word >> 16),
+                       static_cast<char>(word >> 8), static_cast<char>(word)};
+  };
+  const auto floats = [&](std::initializer_list<float> values) {
+    std::string out;
+    for (const float v : values) out += big(std::bit_cast<std::uint32_t>(v));
+    return out + '\n';
+  };
+  const std::string binary =
+      "BINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n" + floats({0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}) +
+      "CELLS 1 5\n" + big(4) + big(0) + big(1) + big(2) + big(3) + "\nCELL_TYPES 1\n" + big(10) +
+      "\nPOINT_DATA 4\nSCALARS heat float 1\nLOOKUP_TABLE mine\n" + floats({0, 1, 2, 3}) +
+      "LOOKUP_TABLE mine 2\n" + std::string("\0\n \xff\x01\x02\x03\x04", 8) + "\nFIELD f 1\nheld 1 4 int\n" +
+      big(1) + big(0) + big(0) + big(1) + "\n";
+  const TetMesh a = read_mesh(head + text, "a.vtk"), b = read_mesh(head + binary, "b.vtk");
+  ASSERT_EQ(a.tets.size(), 1u);
+  EXPECT_EQ(a.group("held_1")->nodes, (std::vector<int>{0, 3}));
+  expect_equal(a, b);
+}
+
 TEST(MeshReader, UnusedNodesAreDroppedInOrder) {
-  const TetMesh mesh = read_mesh(two_tets("1 4 2 3 1 30 20 10 40\n2 15 2 9 1 7\n",
-                                          "30 0 0 0\n7 5 5 5\n20 1 0 0\n10 0 1 0\n40 0 0 1\n"), "m.msh");
+  const TetMesh mesh = read_mesh(
+      two_tets("1 4 2 3 1 30 20 10 40\n2 15 2 9 1 7\n", "30 0 0 0\n7 5 5 5\n20 1 0 0\n10 0 1 0\n40 0 0 1\n"),
+      "m.msh");
   ASSERT_EQ(mesh.nodes.size(), 4u);
   EXPECT_EQ(mesh.nodes[0], Vec3(0, 1, 0));  // number 10 comes first
   EXPECT_EQ(mesh.tets[0], (Tet{2, 1, 0, 3}));
