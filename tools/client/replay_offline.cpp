@@ -7,11 +7,13 @@
 #include <optional>
 
 #include "server/files/output_file.h"
+#include "server/observe/instrument_shape.h"
 #include "server/observe/operation.h"
 #include "server/record/device_bag.h"
 #include "tools/client/dropped_contacts.h"
 #include "tools/client/force_row.h"
 #include "tools/client/offline_replay.h"
+#include "tools/record/instrument_surface.h"
 #include "tools/record/vtk_series.h"
 
 namespace hapticd {
@@ -69,14 +71,21 @@ class Frames {
       : scene_(scene),
         devices_(static_cast<int>(devices)),
         series_(directory),
-        every_(std::max(1, static_cast<int>(scene.rate / frames_per_second))) {}
+        every_(std::max(1, static_cast<int>(scene.rate / frames_per_second))) {
+    for (const SceneInstrument& i : scene.instruments)
+      surfaces_.push_back(instrument_surface(instrument_shape(i.shape)));
+  }
 
   void add(const ReplayedStep& step) {
     if (step.slot < 0 || steps_++ % every_ != 0) return;
     std::vector<VtkBody> bodies;
     for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
       const Body& body = step.world.bodies()[b];
-      VtkBody out{scene_.bodies[b].name, &body.model.mesh, {}, {}};  // which cuts change
+      VtkBody out{scene_.bodies[b].name,
+                  &body.model.mesh,
+                  {},
+                  {},
+                  shear_modulus(scene_.bodies[b])};  // which cuts change
       if (body.deformable) {
         out.nodes = body.state.x;
         out.alive = body.state.alive;
@@ -88,7 +97,8 @@ class Frames {
     for (int i = 0; i < devices_; ++i) {
       const DeviceSettings& d = scene_.instruments[static_cast<std::size_t>(i)].device;
       const ForceRecord& record = step.newest.record[i];
-      contact.instruments.push_back({record.instrument.X.p, d.frame * record.force.force / d.force_scale});
+      contact.instruments.push_back({record.instrument.X, d.frame * record.force.force / d.force_scale,
+                                     surfaces_[static_cast<std::size_t>(i)]});
     }
     series_.add(1e-3 * static_cast<double>(step.slot), bodies, contact);
   }
@@ -98,8 +108,13 @@ class Frames {
   }
 
  private:
+  static double shear_modulus(const SceneBody& body) {
+    return body.kind == BodyKind::deformable ? body.material.young / (2 * (1 + body.material.poisson)) : 0;
+  }
+
   const Scene& scene_;
   const int devices_;
+  std::vector<std::vector<Vec3>> surfaces_;  // of the instruments
   VtkSeries series_;
   const int every_;
   int steps_ = 0;

@@ -1,6 +1,7 @@
 #include "tools/record/scene_frames.h"
 
 #include "haptic/loop.h"
+#include "tools/record/instrument_surface.h"
 
 namespace hapticd {
 namespace {
@@ -11,12 +12,13 @@ std::vector<Vec3> points(const float* xyz, std::uint32_t length) {
   return result;
 }
 
+Pose pose_at(const float* x) { return {{x[0], x[1], x[2]}, Quat(x[6], x[3], x[4], x[5]).normalized()}; }
+
 VtkContact contact_of(const hapticd_msg_SceneUpdate& m) {
   constexpr std::uint32_t size = 7;
   VtkContact out;
   for (std::uint32_t i = 0; i + size <= m.instruments._length; i += size)
-    out.instruments.push_back({{m.instruments._buffer[i], m.instruments._buffer[i + 1], m.instruments._buffer[i + 2]},
-                               Vec3::Zero()});
+    out.instruments.push_back({pose_at(m.instruments._buffer + i), Vec3::Zero(), {}});
   for (std::uint32_t i = 0; i < m.contacts._length / size; ++i) {
     const float* c = m.contacts._buffer + size * i;
     ContactForce of{{c[0], c[1], c[2]}, {c[3], c[4], c[5]}, c[6]};
@@ -39,7 +41,7 @@ VtkContact contact_of(const hapticd_msg_SceneUpdate& m) {
 }  // namespace
 
 SceneFrames::SceneFrames(const Participant& participant, const std::filesystem::path& directory)
-    : geometry_(participant), update_(participant), series_(directory) {}
+    : geometry_(participant), update_(participant), instrument_(participant), series_(directory) {}
 
 void SceneFrames::poll() {
   geometry_.take_each([this](const hapticd_msg_SceneGeometry& m, const dds_sample_info_t&) {
@@ -51,6 +53,9 @@ void SceneFrames::poll() {
       const std::uint32_t* t = m.tets._buffer + i;
       body.mesh.tets.push_back({int(t[0]), int(t[1]), int(t[2]), int(t[3])});
     }
+  });
+  instrument_.take_each([this](const hapticd_msg_SceneInstrument& m, const dds_sample_info_t&) {
+    surfaces_[m.instrument] = instrument_surface({m.primitives._buffer, m.primitives._length});
   });
   update_.take_each([this](const hapticd_msg_SceneUpdate& m, const dds_sample_info_t&) {
     Body& body = bodies_[m.body];
@@ -69,10 +74,13 @@ void SceneFrames::poll() {
   for (const auto& [id, body] : bodies_) {
     // An update may come before its geometry.
     const bool moves = body.nodes.size() == body.mesh.nodes.size();
-    bodies.push_back({body.name, &body.mesh,
-                      moves ? std::span<const Vec3>(body.nodes) : std::span<const Vec3>(),
-                      moves ? std::span<const std::uint8_t>(body.alive) : std::span<const std::uint8_t>()});
+    bodies.push_back(
+        {body.name, &body.mesh, moves ? std::span<const Vec3>(body.nodes) : std::span<const Vec3>(),
+         moves ? std::span<const std::uint8_t>(body.alive) : std::span<const std::uint8_t>(), 0});
   }
+  for (std::size_t i = 0; i < contact_.instruments.size(); ++i)
+    if (const auto found = surfaces_.find(static_cast<std::uint32_t>(i)); found != surfaces_.end())
+      contact_.instruments[i].surface = found->second;
   series_.add(1e-9 * static_cast<double>(now - first_ns_), bodies, contact_);
 }
 

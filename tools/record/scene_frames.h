@@ -30,6 +30,8 @@ class SceneFrames {
 
   Reader<hapticd_msg_SceneGeometry> geometry_;
   Reader<hapticd_msg_SceneUpdate> update_;
+  Reader<hapticd_msg_SceneInstrument> instrument_;
+  std::map<std::uint32_t, std::vector<Vec3>> surfaces_;
   std::map<std::uint32_t, Body> bodies_;
   std::uint64_t step_ = 0, written_ = 0;
   VtkContact contact_;

@@ -1,9 +1,15 @@
 #include "tools/record/vtk_series.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstdio>
-#include <cstring>
+#include <stdexcept>
 
+#include <zlib.h>
+
+#include "physics/tissue/strain.h"
+#include "physics/tissue/tetrahedron.h"
 #include "tools/cli/report.h"
 
 namespace hapticd {
@@ -24,14 +30,28 @@ std::string base64(std::span<const unsigned char> bytes) {
   return out;
 }
 
+// One block, with the header that vtkZLibDataCompressor reads: blocks, bytes of a block, of the last one if
+// it is shorter, of each when compressed.
+std::string compressed(const void* data, std::size_t bytes) {
+  constexpr int fast = 3;
+  uLongf size = compressBound(static_cast<uLong>(bytes));
+  std::vector<unsigned char> packed(size);
+  if (compress2(packed.data(), &size, static_cast<const Bytef*>(data), static_cast<uLong>(bytes), fast) !=
+      Z_OK)
+    throw std::runtime_error("zlib: no memory");
+  packed.resize(size);
+  const std::uint32_t header[] = {bytes > 0 ? 1u : 0u, static_cast<std::uint32_t>(bytes), 0,
+                                  static_cast<std::uint32_t>(size)};
+  const auto* begin = reinterpret_cast<const unsigned char*>(header);
+  return base64({begin, bytes > 0 ? sizeof header : sizeof header - sizeof header[0]}) +
+         (bytes > 0 ? base64(packed) : "");
+}
+
 template <typename T>
 std::string array(const char* type, const char* name, int components, const std::vector<T>& values) {
-  const auto size = static_cast<std::uint32_t>(sizeof(T) * values.size());
-  std::vector<unsigned char> bytes(sizeof size + size);
-  std::memcpy(bytes.data(), &size, sizeof size);
-  if (size > 0) std::memcpy(bytes.data() + sizeof size, values.data(), size);
   return std::string("<DataArray type=\"") + type + "\" Name=\"" + name + "\" NumberOfComponents=\"" +
-         std::to_string(components) + "\" format=\"binary\">" + base64(bytes) + "</DataArray>\n";
+         std::to_string(components) + "\" format=\"binary\">" +
+         compressed(values.data(), sizeof(T) * values.size()) + "</DataArray>\n";
 }
 
 void push(std::vector<float>& out, const Vec3& v) {
@@ -40,14 +60,34 @@ void push(std::vector<float>& out, const Vec3& v) {
 
 std::string file_of(const char* type, const std::string& content) {
   return std::string("<?xml version=\"1.0\"?>\n<VTKFile type=\"") + type +
-         "\" version=\"0.1\" byte_order=\"LittleEndian\" header_type=\"UInt32\">\n<" + type + ">\n" +
-         content + "</" + type + ">\n</VTKFile>\n";
+         "\" version=\"0.1\" byte_order=\"LittleEndian\" header_type=\"UInt32\" "
+         "compressor=\"vtkZLibDataCompressor\">\n<" +
+         type + ">\n" + content + "</" + type + ">\n</VTKFile>\n";
 }
 
 // The tetrahedra chosen, and the nodes that they use.
-std::string grid(const TetMesh& mesh, std::span<const Vec3> nodes, const std::vector<int>& tets) {
+// To eleven bits of mantissa, one part in 4000, which zlib makes half as large: what is drawn in colours needs no more.
+float coarse(double x) {
+  const auto bits = std::bit_cast<std::uint32_t>(static_cast<float>(x));
+  return std::bit_cast<float>((bits + 0x800) & 0xfffff000u);
+}
+
+double strain_of(const TetMesh& mesh, std::span<const Vec3> nodes, const Tet& t) {
+  const auto rest = [&](int a) -> const Vec3& {
+    return mesh.nodes[static_cast<std::size_t>(t[static_cast<std::size_t>(a)])];
+  };
+  if (!(std::abs(signed_volume(rest(0), rest(1), rest(2), rest(3))) > 0)) return 0;
+  Corners corners;
+  for (int a = 0; a < 4; ++a)
+    corners.col(a) = nodes[static_cast<std::size_t>(t[static_cast<std::size_t>(a)])];
+  return equivalent_strain(
+      deformation_gradient(corners, rest_shape(rest(0), rest(1), rest(2), rest(3)).gradients));
+}
+
+std::string grid(const TetMesh& mesh, std::span<const Vec3> nodes, const std::vector<int>& tets,
+                 double shear) {
   std::vector<int> point_of(mesh.nodes.size(), -1);
-  std::vector<float> points, displacement;
+  std::vector<float> points, displacement, strain, stress;
   std::vector<std::int32_t> connectivity, offsets, element;
   int count = 0;
   for (const int e : tets) {
@@ -62,6 +102,9 @@ std::string grid(const TetMesh& mesh, std::span<const Vec3> nodes, const std::ve
     }
     offsets.push_back(static_cast<std::int32_t>(connectivity.size()));
     element.push_back(e);
+    const double eps = strain_of(mesh, nodes, mesh.tets[static_cast<std::size_t>(e)]);
+    strain.push_back(coarse(eps));
+    stress.push_back(coarse(3 * shear * eps));
   }
   const std::vector<std::uint8_t> types(tets.size(), vtk_tetrahedron);
   return file_of("UnstructuredGrid",
@@ -69,7 +112,8 @@ std::string grid(const TetMesh& mesh, std::span<const Vec3> nodes, const std::ve
                      std::to_string(tets.size()) + "\">\n<PointData Vectors=\"displacement\">\n" +
                      array("Float32", "displacement", 3, displacement) +
                      "</PointData>\n<CellData Scalars=\"element\">\n" +
-                     array("Int32", "element", 1, element) + "</CellData>\n<Points>\n" +
+                     array("Int32", "element", 1, element) + array("Float32", "strain", 1, strain) +
+                     (shear > 0 ? array("Float32", "stress", 1, stress) : "") + "</CellData>\n<Points>\n" +
                      array("Float32", "Points", 3, points) + "</Points>\n<Cells>\n" +
                      array("Int32", "connectivity", 1, connectivity) + array("Int32", "offsets", 1, offsets) +
                      array("UInt8", "types", 1, types) + "</Cells>\n</Piece>\n");
@@ -79,7 +123,7 @@ std::string points_file(const VtkContact& c) {
   std::vector<float> points, force, gap;
   std::vector<std::int32_t> kind, instrument;
   for (const VtkInstrument& i : c.instruments) {
-    push(points, i.origin);
+    push(points, i.pose.p);
     push(force, i.force);
     gap.push_back(0);
     instrument.push_back(static_cast<std::int32_t>(kind.size()));
@@ -110,6 +154,27 @@ std::string points_file(const VtkContact& c) {
                                  array("Int32", "offsets", 1, ends) + "</Verts>\n</Piece>\n");
 }
 
+std::string surfaces_file(const std::vector<VtkInstrument>& instruments) {
+  std::vector<float> points;
+  std::vector<std::int32_t> whose, corner, ends;
+  for (std::size_t i = 0; i < instruments.size(); ++i)
+    for (const Vec3& x : instruments[i].surface) {
+      corner.push_back(static_cast<std::int32_t>(corner.size()));
+      push(points, instruments[i].pose.p + instruments[i].pose.q * x);
+      if (corner.size() % 3 != 0) continue;
+      whose.push_back(static_cast<std::int32_t>(i));
+      ends.push_back(static_cast<std::int32_t>(corner.size()));
+    }
+  return file_of("PolyData",
+                 "<Piece NumberOfPoints=\"" + std::to_string(corner.size()) +
+                     "\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"" +
+                     std::to_string(ends.size()) + "\">\n<CellData Scalars=\"instrument\">\n" +
+                     array("Int32", "instrument", 1, whose) + "</CellData>\n<Points>\n" +
+                     array("Float32", "Points", 3, points) + "</Points>\n<Polys>\n" +
+                     array("Int32", "connectivity", 1, corner) + array("Int32", "offsets", 1, ends) +
+                     "</Polys>\n</Piece>\n");
+}
+
 std::string numbered(const std::string& name, int n, const char* ending) {
   char number[16];
   std::snprintf(number, sizeof number, "_%06d", n);
@@ -138,7 +203,8 @@ void VtkSeries::add_body(std::size_t b, const VtkBody& body) {
   if (!still || still_file_[b].empty()) {
     const std::string file = numbered(body.name, frames_, ".vtu");
     write_file((directory_ / file).string(),
-               grid(*body.mesh, still ? std::span<const Vec3>(body.mesh->nodes) : body.nodes, living));
+               grid(*body.mesh, still ? std::span<const Vec3>(body.mesh->nodes) : body.nodes, living,
+                    body.shear_modulus));
     still_file_[b] = file;
   }
   part(static_cast<int>(2 * b), still_file_[b]);
@@ -146,7 +212,7 @@ void VtkSeries::add_body(std::size_t b, const VtkBody& body) {
   if (const std::vector<std::uint8_t> alive(body.alive.begin(), body.alive.end());
       alive != removed_seen_[b]) {
     removed_file_[b] = numbered(body.name + "_removed", frames_, ".vtu");
-    write_file((directory_ / removed_file_[b]).string(), grid(*body.mesh, body.mesh->nodes, gone));
+    write_file((directory_ / removed_file_[b]).string(), grid(*body.mesh, body.mesh->nodes, gone, 0));
     removed_seen_[b] = alive;
   }
   part(static_cast<int>(2 * b + 1), removed_file_[b]);
@@ -161,6 +227,12 @@ void VtkSeries::add(double t, const std::vector<VtkBody>& bodies, const VtkConta
   const std::string file = numbered("contact", frames_, ".vtp");
   write_file((directory_ / file).string(), points_file(contact));
   part(static_cast<int>(2 * bodies.size()), file);
+  if (std::any_of(contact.instruments.begin(), contact.instruments.end(),
+                  [](const VtkInstrument& i) { return !i.surface.empty(); })) {
+    const std::string surfaces = numbered("instrument", frames_, ".vtp");
+    write_file((directory_ / surfaces).string(), surfaces_file(contact.instruments));
+    part(static_cast<int>(2 * bodies.size() + 1), surfaces);
+  }
   ++frames_;
 }
 
