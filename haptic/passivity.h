@@ -1,18 +1,18 @@
 // Passivity observer and energy tank of the displayed force.
 //
-//   E_k = E_{k−1} + w,   T_k = min(T_{k−1} + w, ‖F_{k−1}‖ ℓ),   w = −F_{k−1} · (x_k − x_{k−1}) − τ_{k−1} ·
-//   θ(q_k q_{k−1}⁻¹)
+//   w   = −F_{k−1} · (x_k − x_{k−1}) − τ_{k−1} · θ(q_k q_{k−1}⁻¹)          what the hand puts in
+//   E_k = E_{k−1} + w,    T_k = min(T_{k−1} + w, ‖F_{k−1}‖ ℓ)
 //
-// E [J] is the energy that the hand put into the virtual tissue less what it got back, exact for the force
-// that the device held between two ticks; below zero the rendering made energy. T is what of it the tissue
-// may give back: no more than the present force over ℓ, so that what friction or a cut has taken is no
-// credit. The controller, if switched on, keeps T from going below zero: what the force is about to give the
-// hand beyond T is taken out of it along the motion, and a deficit is paid back by damping of at most b:
+// E [J] is exact for the force that the device held between two ticks; below zero the rendering made energy.
+// T is what the tissue may give back: no more than the present force over ℓ, so that what friction or a cut
+// has taken is no credit; what a pump is about to do is granted. The controller keeps T from going below
+// zero: what would go to the hand beyond T while the force falls by its slew limit, h, is taken out of it
+// along the motion, and a deficit is paid back by damping of at most b:
 //   (F, τ) −= a (v, r² ω),   a = min((P h − T)/(h S), max(0, P)/S + b),   P = F·v + τ·ω,  S = v² + r² ω²
-// What a pump is about to do is its own: it is granted to the tank. Units: SI, device frame. Guarantee:
-// wait-free, no allocation. Source: Hannaford and Ryu 2002, eq. 3 and 8; tank: Franken et al. 2011.
-// Departures: the tank's size follows the force; the damping is bounded, so a deficit is paid back over
-// several ticks.
+// and of a hand at rest the force is at most what gives T, or a lent 0.5 µJ, to 50 g: ‖F‖² h² ≤ 2 m T.
+// Units: SI, device frame. Guarantee: wait-free, no allocation. Source: Hannaford and Ryu 2002, eq. 3 and 8;
+// tank: Franken et al. 2011. Departures: the tank's size follows the force; the damping is bounded, so a
+// deficit is paid back over several ticks; what is lent.
 #pragma once
 
 #include "haptic/limits.h"

@@ -6,7 +6,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double tissue_scale = 4;  // about 100 N/m displayed
+constexpr double stiff_scale = 16;  // about 500 N/m displayed
 constexpr double felt_until = 0.5;  // problems so old, with the tank and in what it is compared with [s]
 constexpr double most_made = 1e-6;  // [J]
 
@@ -16,7 +16,7 @@ constexpr LinkTrouble links[] = {{0, 0, 0},          {1e-3, 0, 0},          {5e-
 
 Scene strayed_scene(const Scene& cube) {
   Scene scene = cube;
-  scene.first().device.force_scale = tissue_scale;
+  scene.first().device.force_scale = stiff_scale;
   scene.first().removal = {};  // it presses
   return scene;
 }
@@ -30,20 +30,22 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
   mode.plan.parameter = "delay of the link, one way [ms]";
   mode.plan.naive = "problems felt however late, without the tank";
   mode.plan.ours = "the same with the tank";
-  mode.plan.judged = "energy made by a hand that strays, about 100 N/m displayed [µJ]";
+  mode.plan.judged = "energy made by a hand that strays, about 500 N/m displayed [µJ]";
   mode.plan.limit = 1e6 * most_made;
   mode.plan.reason = "200 ms: another continent";
   mode.plan.required = 200;
   mode.survives = true;
   const Scene scene = strayed_scene(bench.scene());
   RandomSettings random;
-  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 5000 : 1'000'000;
+  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 20'000 : 1'000'000;
   random.seed = settings.random_seed;
   random.problem_old = felt_until;
   ClosedLoopSettings press = bench.press();
   press.let_go = press.guided = true;
   press.press.hold = 1;  // ten round trips of the slowest link but two
-  const std::size_t count = settings.quick ? 3 : std::size(links);
+  std::vector<LinkTrouble> tried(std::begin(links), std::end(links));
+  if (settings.quick) tried = {links[0], links[4], links[6]};
+  const std::size_t count = tried.size();
   for (std::size_t k = 0; k < count; ++k) {
     bool on = true;
     const auto part = [&](double from, double share) {
@@ -52,7 +54,7 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
       };
     };
     LinkPoint p;
-    p.link = random.link.emplace(links[k]);
+    p.link = random.link.emplace(tried[k]);
     random.passivity_control = true;
     p.tanked = run_random(scene, {cube_hand()}, random, part(0, 0.3));
     if (!on) return false;
@@ -60,9 +62,10 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
     p.bare = run_random(scene, {cube_hand()}, random, part(0.3, 0.3));
     if (!on) return false;
     DaemonRendererOptions options;
-    options.link = links[k];
+    options.link = tried[k];
     options.problem_old = felt_until;
     for (const bool tank : {true, false}) {
+      if (settings.quick) break;
       options.passivity_control = tank;
       (tank ? p.displayed : p.displayed_bare) =
           largest_sound([&](double f, const ClosedLoopSettings& at) { return bench.daemon(f, at, options); },
@@ -70,7 +73,7 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
                         [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); }, 4);
       if (!part(tank ? 0.8 : 1, 0)(0)) return false;
     }
-    const double ms = 1e3 * links[k].delay;
+    const double ms = 1e3 * tried[k].delay;
     if (p.bare.made_by_force > most_made && mode.naive_breaks_at == 0)
       mode.naive_breaks_at = std::max(ms, 1e-3);
     if (p.tanked.made_by_force > most_made && mode.default_breaks_at == 0) {

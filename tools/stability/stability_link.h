@@ -1,6 +1,6 @@
 // A simulation that is a network away (server/edge): with the tank (haptic/passivity.h) and without.
 //
-// For each link: a hand strays over the cube, about 100 N/m displayed, so many ticks; and the largest
+// For each link: a hand strays over the cube, about 500 N/m displayed, so many ticks; and the largest
 // stiffness that a press displays soundly. With the tank problems are felt however late they come.
 #pragma once
 

@@ -36,6 +36,12 @@ TEST(Stability, QuickAtlas) {
     EXPECT_GT(p.ours.steady, 0.5 * p.wall.steady) << p.other;
     EXPECT_GT(p.ours.passive, 0.5 * p.wall.passive) << p.other;
   }
+  ASSERT_EQ(chart.links.size(), 3u);
+  for (const LinkPoint& p : chart.links) {
+    EXPECT_LE(p.tanked.made_by_force, 1e-6) << p.link.delay;
+    EXPECT_TRUE(p.tanked.faults.empty()) << p.link.delay;
+    EXPECT_GT(p.tanked.force_max, 0.3) << p.link.delay;  // it does press
+  }
   ASSERT_EQ(chart.carve.size(), 1u);
   EXPECT_GE(chart.carve[0].ticks, 5000);
   EXPECT_TRUE(chart.carve[0].faults.empty());
