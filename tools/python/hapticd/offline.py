@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -94,12 +95,13 @@ def _read_forces(path, summary, frames):
 
 
 def _array(text, name):
-    """An array of a VTK file: four bytes of length, then numbers, in base64."""
+    """An array of a VTK file: four numbers that say how long, and what zlib made of it, each in base64."""
     found = re.search(rf'<DataArray type="(\w+)" Name="{name}" NumberOfComponents="(\d+)" format="binary">([^<]*)<', text)
     if not found:
         return None
     kind = {"Float32": "<f4", "Int32": "<i4", "UInt8": "u1"}[found[1]]
-    values = np.frombuffer(base64.b64decode(found[3]), kind, offset=4)
+    packed = found[3][24:]  # before it 16 bytes: blocks (one, or none), their size, the last's, as packed
+    values = np.frombuffer(zlib.decompress(base64.b64decode(packed)) if packed else b"", kind)
     return values.reshape(-1, int(found[2])) if int(found[2]) > 1 else values
 
 
@@ -109,7 +111,7 @@ def _read_frames(folder):
         parts = re.findall(r'timestep="([^"]+)"[^>]*file="([^"]+)"', file.read())
     for t, name in parts:
         frame = frames.setdefault(float(t), Frame(float(t), None, None, None, {}, {}))
-        if "_removed_" in name:
+        if "_removed_" in name or name.startswith("instrument_"):
             continue
         with open(f"{folder}/{name}", encoding="latin-1") as file:
             text = file.read()
