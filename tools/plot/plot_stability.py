@@ -132,6 +132,29 @@ def draw_traces(axes, mode):
     axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=2, fontsize=9)
 
 
+def draw_links(links, path):
+    """Energy made and stiffness displayed, a link a place."""
+    least = 1e-2  # µJ
+    names = [f"{p['delay_ms']:g}" + (f" ± {p['jitter_ms']:g}\n{100 * p['loss']:g} % lost" if p["loss"] else "") for p in links]
+    places = range(len(links))
+    figure, (energy, stiffness) = plt.subplots(2, 1, figsize=(9.5, 6), sharex=True)
+    for label, colour, made, felt in (
+            ("without the tank", GREY, "energy_made_untanked_j", "stiffness_untanked_n_per_m"),
+            ("with the tank", ACCENT, "energy_made_j", "stiffness_n_per_m")):
+        y = [max(1e6 * p[made], least) for p in links]
+        energy.scatter(places, y, s=50, edgecolors=colour, label=label, clip_on=False, zorder=3,
+                       facecolors=[colour if v > least else "white" for v in y])
+        stiffness.plot(places, [p[felt] for p in links], "o-", color=colour, lw=1, ms=5, clip_on=False)
+    energy.axhline(1, color=INK, lw=1, ls=":")
+    energy.set(yscale="log", ylim=(least, None), ylabel="energy made by a hand\nat random [µJ]; hollow: none")
+    energy.legend(loc="upper left", fontsize=9)
+    stiffness.set(ylabel="largest sound displayed\nstiffness [N/m]", ylim=(0, None), xlabel="delay of the link, one way [ms]")
+    stiffness.set_xticks(places, names)
+    figure.tight_layout()
+    figure.savefig(path)
+    plt.close(figure)
+
+
 def draw_mode(mode, path):
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.6), gridspec_kw={"width_ratios": [1, 1.5]})
     draw_limits(left, mode)
@@ -179,6 +202,9 @@ def draw(data, folder):
                 f"{html.escape(mode['required_because'])}.</p>")
         if mode["mode"] == "stiffness":
             text += picture(folder / "stability_map.png")
+        elif mode["mode"] == "link" and data.get("links"):
+            draw_links(data["links"], folder / "stability_link.png")
+            text += picture(folder / "stability_link.png")
         elif mode["mode"] == "grasps":
             text += picture(folder / "stability_grasps.png") + "<ul>" + "".join(
                 f"<li>{html.escape(p['hand'])}: {html.escape(p['source'])}</li>" for p in data["grasps"]) + "</ul>"
@@ -189,7 +215,7 @@ def draw(data, folder):
         sections.append(text)
     if data.get("random"):
         keys = [k for k in data["random"][0] if k not in ("passivity_control", "status", "faults")]
-        head = "".join(f"<th>controller {'on' if r['passivity_control'] else 'off'}</th>" for r in data["random"])
+        head = "".join(f"<th>tank {'on' if r['passivity_control'] else 'off'}</th>" for r in data["random"])
         body = "".join(f"<tr><td>{k}</td>" + "".join(f"<td>{r[k]:g}</td>" for r in data["random"]) + "</tr>" for k in keys)
         sections.append("<h2>random</h2><p>A hand strays through the cataract scene, cuts, and loses states.</p>"
                         f"<table><tr><th></th>{head}</tr>{body}</table>")
