@@ -9,8 +9,9 @@ namespace {
 constexpr double reach = 5e-3;    // ℓ: a linear spring that is pressed by twice of it gives all back [m]
 constexpr double radius = 10e-3;  // r: a turn of 1 rad counts as so much of a way [m]
 constexpr double filter_time = 5e-3;  // as the watchdog's velocity [s]
-constexpr double least = 0.5e-6;      // is lent: with nothing, no force would begin [J]
-constexpr double lightest = 0.05;     // that is held in a hand [kg]
+// What is lent, for with nothing no force would begin; less by what is owed, but a hundredth always [J].
+constexpr double least = 0.5e-6;
+constexpr double lightest = 0.05;  // that is held in a hand [kg]
 
 struct Speed {
   Vec3 way, turn;  // [m/s, rad/s]
@@ -51,7 +52,8 @@ Wrench passive(const PassivityState& state, const Wrench& wrench, const Vec3& ve
       period + (device.max_force_rate > 0 ? wrench.force.norm() / (2 * device.max_force_rate) : 0);
   // At rest, by what it would give to the lightest of hands.
   const double push = wrench.force.norm() * h, given = push * push / (2 * lightest);
-  const double share = std::min(1.0, std::sqrt(std::max(least, state.tank) / std::max(given, least)));
+  const double lent = std::max(0.01 * least, least + std::min(0.0, state.tank));
+  const double share = std::min(1.0, std::sqrt(std::max(lent, state.tank) / std::max(given, lent)));
   // By the smooth velocity, and by the newest motion, which a hand that is flung away has first.
   const Wrench allowed =
       within_tank(state.tank, share * wrench, {velocity, state.turning}, device.damping, h);

@@ -9,7 +9,8 @@
 // zero: what would go to the hand beyond T while the force falls by its slew limit, h, is taken out of it
 // along the motion, and a deficit is paid back by damping of at most b:
 //   (F, τ) −= a (v, r² ω),   a = min((P h − T)/(h S), max(0, P)/S + b),   P = F·v + τ·ω,  S = v² + r² ω²
-// and of a hand at rest the force is at most what gives T, or a lent 0.5 µJ, to 50 g: ‖F‖² h² ≤ 2 m T.
+// Of a hand at rest the force is at most what gives T, or 0.5 µJ that are lent, to m = 50 g:
+//   ‖F‖² h² ≤ 2 m T
 // Units: SI, device frame. Guarantee: wait-free, no allocation. Source: Hannaford and Ryu 2002, eq. 3 and 8;
 // tank: Franken et al. 2011. Departures: the tank's size follows the force; the damping is bounded, so a
 // deficit is paid back over several ticks; what is lent.

@@ -124,7 +124,8 @@ void VirtualDaemon::publish(StepAction) {
   }
   auto sent = std::make_unique<CondensedProblem>();
   copy_in_use(made, *sent);
-  const auto nodes = static_cast<std::size_t>(made.nodes);
+  const auto nodes =
+      static_cast<std::size_t>(made.nodes);  // bytes: nearly those of a packed problem (edge_problem.h)
   const std::size_t bytes = 18 * nodes * nodes + 12 * static_cast<std::size_t>(made.samples);
   halves_->problems.send(halves_->link.problem(free_ns_, bytes), std::move(sent));
 }

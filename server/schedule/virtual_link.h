@@ -1,9 +1,8 @@
 // A network between the halves of a virtual daemon: what was sent when arrives when.
 //
-//   hands      delay ± jitter, or lost                                  one datagram
-//   problems   delay ± jitter, and 2 (delay + jitter) + 1 ms a round    as many as their bytes need: sent
-//   reliably,
-//              in which lost datagrams are asked for again              but only the newest (server/edge)
+//   hands      one datagram: after delay ± jitter, or never
+//   problems   as many datagrams as their bytes need: after delay ± jitter, and for each round in which lost
+//              ones are asked for again 1 ms and twice that; always, but only the newest (server/edge)
 //
 // What is overtaken is dropped. Chance is a function of the seed and of what was sent before. Units: s, ns.
 #pragma once

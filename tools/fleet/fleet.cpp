@@ -7,6 +7,7 @@
 
 #include "server/observe/diagnostics.h"
 #include "server/observe/health.h"
+#include "tools/client/client.h"
 
 namespace hapticd {
 namespace {
@@ -16,11 +17,12 @@ constexpr std::int64_t window_ns = 5'000'000'000;  // of wake-ups
 constexpr std::int64_t rate_window_ns = 2'000'000'000;
 constexpr double least_haptic_hz = 990, least_rate_share = 0.95;
 
-// haptic/device.h, by bit; idl/README.md has the same names.
-constexpr std::array<const char*, 18> bit_names = {
-    "disarmed",   "holding",    "ramping down", "ramping up",       "problem old",   "problem lost",
-    "gap",        "rejected",   "latched",      "conflict",         "saturated",     "slew limited",
-    "not finite", "solver cap", "blending",     "contacts dropped", "second daemon", "contact lost"};
+// A bit of a status by its name, for reading; "": it has none.
+std::string words_of(std::uint32_t mask) {
+  std::string name = status_text(mask);
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name == "none" ? "" : name;
+}
 
 std::string text_of(const char* text) { return text ? text : ""; }
 
@@ -86,9 +88,11 @@ void add_faults(const Station& s, const FleetDevice& d, std::vector<StationFault
     out.push_back({(d.lost ? "lost" : "ended") + whose, "", d.lost});
     return;
   }
-  for (std::size_t bit = 0; bit < bit_names.size(); ++bit)
-    if (const std::uint32_t mask = 1u << bit; (d.status & mask & ~status_ordinary) != 0)
-      out.push_back({bit_names[bit] + whose, "", (mask & status_errors) != 0});
+  for (int bit = 0; bit < 32; ++bit) {
+    const std::uint32_t mask = d.status & 1u << bit & ~status_ordinary;
+    if (const std::string name = mask != 0 ? words_of(mask) : ""; !name.empty())
+      out.push_back({name + whose, "", (mask & status_errors) != 0});
+  }
   if (d.haptic_hz > 0 && d.haptic_hz < least_haptic_hz)
     out.push_back({"haptic loop slow" + whose, hertz(d.haptic_hz)});
   if (d.period_ms > 0 && d.sim_rate_known && d.sim_hz < least_rate_share * 1e3 / d.period_ms)

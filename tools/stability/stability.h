@@ -68,7 +68,7 @@ struct StabilityChart {
 struct StabilitySettings {
   bool quick = false;
   std::vector<std::string> only;  // modes by name; empty: all
-  std::int64_t random_ticks = 0;  // of the modes at random; 0: 10⁶, quick 5000
+  std::int64_t random_ticks = 0;  // of the modes at random; 0: 10⁶, quick 2000 to 20 000
   Shard shard;                    // modes of this part alone
   std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
 };

@@ -42,7 +42,7 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
   random.problem_old = felt_until;
   ClosedLoopSettings press = bench.press();
   press.let_go = press.guided = true;
-  press.press.hold = 1;  // ten round trips of the slowest link but two
+  press.press.hold = 1;  // five round trips at 100 ms
   std::vector<LinkTrouble> tried(std::begin(links), std::end(links));
   if (settings.quick) tried = {links[0], links[4], links[6]};
   const std::size_t count = tried.size();
