@@ -3,7 +3,7 @@
 set(SERVER ${PROJECT_SOURCE_DIR}/server)
 set(PHYSICS ${PROJECT_SOURCE_DIR}/physics)
 file(GLOB reader_sources CONFIGURE_DEPENDS ${SERVER}/mesh/mesh_re*.cpp)
-list(APPEND reader_sources ${SERVER}/mesh/foreign_format.cpp
+list(APPEND reader_sources ${SERVER}/mesh/foreign_format.cpp ${SERVER}/mesh/mesh_unit.cpp
      ${SERVER}/files/yaml_keys.cpp ${SERVER}/scene/device_reader.cpp ${SERVER}/scene/scene_reader.cpp
      ${SERVER}/scene/scene_bodies.cpp ${SERVER}/scene/scene_parts.cpp ${SERVER}/scene/scene_instruments.cpp
      ${SERVER}/record/trajectory.cpp ${SERVER}/record/trajectory_reader.cpp

@@ -111,7 +111,7 @@ const std::map<std::string, std::vector<std::string>> rooms = {
       "stability/bench"}},
     {"tools/stability/bench", {"client", "offline"}},
     {"tools/view", {"cli", "client"}},
-    {"tools/fleet", {"cli", "view"}},
+    {"tools/fleet", {"cli", "client", "view"}},
 };
 
 TEST(Layout, RoomsOfServerAndToolsIncludeOneWay) {

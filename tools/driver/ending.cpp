@@ -21,8 +21,20 @@ std::array<struct sigaction, crashes.size()> crashes_before;
 std::atomic<HapticDevice*> device_at_work{nullptr};
 std::atomic<pid_t> driver_thread{0};
 std::atomic<bool> asked_to_end{false};
+std::atomic<int> crash{SIGALRM};  // what ends the process, if its last write hangs
 static_assert(std::atomic<HapticDevice*>::is_always_lock_free && std::atomic<pid_t>::is_always_lock_free &&
-              std::atomic<bool>::is_always_lock_free);
+              std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free);
+
+// The write hangs: the process ends by the signal that it would have ended by.
+void on_hang(int) {
+  const int number = crash.load();
+  sigset_t alone;
+  sigemptyset(&alone);
+  sigaddset(&alone, number);
+  signal(number, SIG_DFL);
+  raise(number);
+  pthread_sigmask(SIG_UNBLOCK, &alone, nullptr);
+}
 
 void write_last_zero() noexcept {
   asked_to_end.store(true);
@@ -31,7 +43,7 @@ void write_last_zero() noexcept {
   HapticDevice* device = device_at_work.exchange(nullptr);
   if (!device) return;
   // Whoever wrote may have held a lock of the device's when it died.
-  signal(SIGALRM, SIG_DFL);
+  signal(SIGALRM, on_hang);
   alarm(1);
   try {
     device->write({});
@@ -46,6 +58,7 @@ void on_polite_signal(int) { asked_to_end.store(true); }
 void on_crash(int number) {
   const int error = errno;
   for (std::size_t i = 0; i < crashes.size(); ++i) sigaction(crashes[i], &crashes_before[i], nullptr);
+  crash.store(number);
   write_last_zero();
   errno = error;
   raise(number);

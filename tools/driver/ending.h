@@ -5,7 +5,8 @@
 //     in the driver's thread       zero is written at once
 //     in another thread            the run is asked to end; after 10 ms zero is written in its place
 //
-// If the device's write hangs then, SIGALRM ends the process after a second. SIGKILL leaves the last force.
+// If the device's write hangs then, the signal ends the process after a second, after exit() SIGALRM does.
+// SIGKILL leaves the last force.
 // Thread safety: made, told `at_zero` and destroyed by the thread that writes; one at a time in a process.
 #pragma once
 
