@@ -23,7 +23,7 @@ dds_topic_filter force_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void*
 }
 
 Qos reader_qos(ForceReader::Side side) {
-  Qos qos = Traits::reader_qos();
+  Qos qos = side == ForceReader::Side::client ? realtime_qos(forces_kept) : Traits::reader_qos();
   // One participant has the stations of all devices of a daemon.
   if (side == ForceReader::Side::daemon) dds_qset_ignorelocal(qos.get(), DDS_IGNORELOCAL_PARTICIPANT);
   return qos;

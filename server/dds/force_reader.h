@@ -8,9 +8,10 @@
 // Samples decide, not discovery: a writer that is matched and writes nothing may serve another device, or may
 // belong to a daemon that was killed and stays in discovery until its lease ends (10 s).
 // What is refused is refused by a filter in Cyclone's receive thread, before a sample is kept: it cannot
-// displace a force of the daemon that is kept (keep last 1), however many come.
-// Thread safety: take_into for one thread; the rest for any. Guarantee: noexcept, wait-free, no allocation
-// after the first samples. Errors: the constructor throws std::runtime_error with Cyclone's reason.
+// displace a force of the daemon that is kept, however many come. A client that wakes late finds the forces
+// of the last eight ticks: each is the answer to a state. Thread safety: take_into for one thread; the rest
+// for any. Guarantee: noexcept, wait-free, no allocation after the first samples. Errors: the constructor
+// throws std::runtime_error with Cyclone's reason.
 #pragma once
 
 #include <array>
@@ -23,6 +24,8 @@ namespace hapticd {
 
 // For how long a stranger's last force counts as his being there.
 inline constexpr std::int64_t stranger_stays_ns = 500'000'000;
+// Of a client's, until it takes them: one a tick, the newest last.
+inline constexpr int forces_kept = 8;
 
 class ForceReader {
  public:

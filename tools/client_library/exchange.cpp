@@ -147,8 +147,8 @@ bool Exchange::await(std::int64_t until_ns) noexcept {
 
 // Whether a force came that answers a state of ours for the first time.
 bool Exchange::take() noexcept {
-  std::array<hapticd_msg_ForceCommand, 4> forces;
-  std::array<dds_sample_info_t, 4> infos;
+  std::array<hapticd_msg_ForceCommand, forces_kept> forces;
+  std::array<dds_sample_info_t, forces_kept> infos;
   const int n = forces_.take_into(forces, infos);
   const std::int64_t now = client_now_ns();
   bool fresh = false;

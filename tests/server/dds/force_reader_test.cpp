@@ -53,8 +53,8 @@ struct Forces : testing::Test {
   }
   // Newton by newton, what came since the last call.
   static std::vector<double> taken(ForceReader& reader) {
-    std::array<Force, 4> forces;
-    std::array<dds_sample_info_t, 4> infos;
+    std::array<Force, forces_kept> forces;
+    std::array<dds_sample_info_t, forces_kept> infos;
     std::vector<double> out;
     const int n = reader.take_into(forces, infos);
     for (std::size_t i = 0; static_cast<int>(i) < n; ++i)
@@ -85,6 +85,21 @@ TEST_F(Forces, AClientKeepsToTheDaemonHeardFirstAndCountsTheOther) {
   EXPECT_TRUE(within_two_seconds([&] { return taken(reader) == std::vector<double>{2}; }));
   EXPECT_EQ(reader.strange_forces(), 20u);
   EXPECT_FALSE(reader.stranger(monotonic_ns() + 500 * ms));
+}
+
+// With the newest alone kept, states that were answered would count as lost.
+TEST_F(Forces, AClientThatWakesLateFindsTheForceOfEachTick) {
+  ForceReader reader(own, device_id, ForceReader::Side::client);
+  Source daemon(domain, 0), last(domain, 9);
+  meet(daemon, 1);
+  meet(last, 1);
+  for (int tick = 1; tick <= 12; ++tick) {
+    daemon.force.force[2] = tick;
+    daemon.send();
+  }
+  last.send();  // a stranger: all before it have arrived once it is refused
+  ASSERT_TRUE(within_two_seconds([&] { return reader.strange_forces() == 1; }));
+  EXPECT_EQ(taken(reader), (std::vector<double>{5, 6, 7, 8, 9, 10, 11, 12}));
 }
 
 TEST_F(Forces, ADaemonHearsAnotherWriterOfItsDeviceAndNotItself) {
