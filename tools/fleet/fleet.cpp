@@ -196,19 +196,44 @@ float ForceTrace::last_second() const {
   return largest;
 }
 
-Station& Fleet::station(const std::string& name, std::int64_t now_ns) {
+// Who has been gone for longest makes room.
+bool Fleet::has_place() {
+  if (stations_.size() < most_stations) return true;
+  auto oldest = stations_.end();
+  for (auto s = stations_.begin(); s != stations_.end(); ++s) {
+    const StationState state = s->second.state;
+    if (state != StationState::lost && state != StationState::ended) continue;
+    if (oldest == stations_.end() || s->second.heard_ns < oldest->second.heard_ns) oldest = s;
+  }
+  if (oldest == stations_.end()) return false;
+  stations_.erase(oldest);
+  return true;
+}
+
+Station* Fleet::station(const std::string& name, std::int64_t now_ns) {
+  if (!stations_.contains(name) && !has_place()) {
+    ++left_out_;
+    return nullptr;
+  }
   Station& s = stations_[name];
   if (s.first_ns == 0) {
     s.name = name;
     s.first_ns = now_ns;
   }
   s.heard_ns = now_ns;
-  return s;
+  return &s;
 }
 
 void Fleet::hear(const Origin& of, const hapticd_msg_ServerStatus& m, std::int64_t now_ns) {
-  Station& s = station(of.station, now_ns);
-  FleetDevice& d = s.devices[{m.device_id, of.program}];
+  Station* const heard = station(of.station, now_ns);
+  if (!heard) return;
+  Station& s = *heard;
+  const std::pair key{m.device_id, of.program};
+  if (!s.devices.contains(key) && s.devices.size() >= most_devices) {
+    ++left_out_;
+    return;
+  }
+  FleetDevice& d = s.devices[key];
   const bool is_new = d.heard_ns == 0;
   d.id = m.device_id;
   d.host = of.host;
@@ -246,7 +271,13 @@ void Fleet::hear(const Origin& of, const hapticd_msg_ServerHealth& m, std::int64
 }
 
 void Fleet::hear(const Origin& of, const hapticd_msg_SceneOperation& m, std::int64_t now_ns) {
-  FleetOperation& o = station(of.station, now_ns).operations[m.device_id];
+  Station* const s = station(of.station, now_ns);
+  if (!s) return;
+  if (!s->operations.contains(m.device_id) && s->operations.size() >= most_devices) {
+    ++left_out_;
+    return;
+  }
+  FleetOperation& o = s->operations[m.device_id];
   o = {.scene = text_of(m.scene),
        .event = text_of(m.event),
        .event_who = text_of(m.event_who),

@@ -6,7 +6,8 @@
 //   lost         a program is silent for `silence_ns`; ended: it has said good-bye
 //
 // A station's state is the worst of its devices'. Faults that come and go are kept with their times, the
-// newest `most_lines` of a station. Stations that ended are forgotten after a minute, lost ones are kept.
+// newest `most_lines` of a station. Stations that ended are forgotten after a minute, lost ones are kept
+// until their place is needed: whoever makes up names gets `most_stations` of them, with `most_devices` each.
 // Units: ns (CLOCK_MONOTONIC of this machine), else as in idl/scene.idl. Thread safety: one thread. Errors:
 // none.
 #pragma once
@@ -27,6 +28,7 @@ namespace hapticd {
 inline constexpr std::int64_t silence_ns = 700'000'000;  // seven statuses
 inline constexpr std::int64_t ended_for_ns = 60'000'000'000;
 inline constexpr std::size_t most_lines = 20, trace_bins = 100;  // of 100 ms
+inline constexpr std::size_t most_stations = 256, most_devices = 16;
 
 using ProgramKey = std::array<std::uint8_t, 16>;  // of a participant
 
@@ -127,11 +129,16 @@ class Fleet {
   std::vector<std::string> look(std::int64_t now_ns);
 
   const std::map<std::string, Station>& stations() const noexcept { return stations_; }
+  // Messages of stations and devices beyond those.
+  std::uint64_t left_out() const noexcept { return left_out_; }
 
  private:
-  Station& station(const std::string& name, std::int64_t now_ns);
+  Station* station(const std::string& name,
+                   std::int64_t now_ns);  // null: there are `most_stations` live ones
+  bool has_place();
 
   std::map<std::string, Station> stations_;
+  std::uint64_t left_out_ = 0;
 };
 
 }  // namespace hapticd

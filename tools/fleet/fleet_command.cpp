@@ -87,6 +87,9 @@ std::string head(const Watch& w) {
       std::to_string(w.stations().size()) + (w.stations().size() == 1 ? " station" : " stations");
   for (const auto& [state, count] : counts.items())
     if (count > 0) text += ", " + std::to_string(count.get<int>()) + " " + state;
+  if (w.reader.fleet().left_out() > 0)
+    text += ", more are left out (" + std::to_string(most_stations) + " stations, " +
+            std::to_string(most_devices) + " devices each)";
   return text + "   (" + place(w.o) + ")\n\n";
 }
 

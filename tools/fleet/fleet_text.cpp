@@ -175,6 +175,7 @@ Json to_json(const Fleet& fleet, std::uint32_t domain, std::int64_t now_ns) {
                              StationState::lost, StationState::ended})
     j["counts"][word(state)] = std::count_if(fleet.stations().begin(), fleet.stations().end(),
                                              [&](const auto& s) { return s.second.state == state; });
+  j["left_out"] = fleet.left_out();
   for (const auto& [name, s] : fleet.stations()) j["stations"].push_back(to_json(s, now_ns));
   return j;
 }

@@ -60,6 +60,27 @@ TEST(Fleet, AGoodByeIsNoFaultAndIsForgotten) {
   EXPECT_TRUE(fleet.stations().empty());
 }
 
+TEST(Fleet, WhoeverMakesUpNamesAndIdsGetsABoundedPlace) {
+  Fleet fleet;
+  for (int i = 0; i < 1000; ++i) {
+    fleet.hear(origin("made up " + std::to_string(i)), status(0), s + i);
+    fleet.hear(origin("made up 0"), status(0, static_cast<std::uint32_t>(i)), s + i);
+    hapticd_msg_SceneOperation operation{};
+    operation.device_id = static_cast<std::uint32_t>(i);
+    fleet.hear(origin("made up 0"), operation, s + i);
+  }
+  EXPECT_EQ(fleet.stations().size(), most_stations);
+  EXPECT_EQ(fleet.stations().at("made up 0").devices.size(), most_devices);
+  EXPECT_EQ(fleet.stations().at("made up 0").operations.size(), most_devices);
+  EXPECT_EQ(fleet.left_out(), 1000 - most_stations + 2 * (1000 - most_devices));
+  // They fall silent: a station that is there has the place of the one that has been gone for longest.
+  fleet.look(10 * s);
+  fleet.hear(origin("lab1"), status(0), 10 * s);
+  EXPECT_TRUE(fleet.stations().contains("lab1"));
+  EXPECT_FALSE(fleet.stations().contains("made up 1"));
+  EXPECT_EQ(fleet.stations().size(), most_stations);
+}
+
 TEST(Fleet, TwoStationsOfOneDeviceStayApart) {
   Fleet fleet;
   fleet.hear(origin("a", 1), status(0), s);
