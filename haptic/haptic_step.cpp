@@ -189,6 +189,8 @@ Wrench contact_wrench(const CondensedProblem& problem, int i, const EachInstrume
     answer.active += s.scratch.lambda[rows * r] > 0;
   }
   answer.dropped = static_cast<std::uint32_t>(solution.dropped);
+  answer.samples = static_cast<std::uint32_t>(problem.samples);
+  answer.samples_dropped = static_cast<std::uint32_t>(problem.dropped_samples);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
   if (solution.lost > lost_contact) answer.status |= status_contact_lost;

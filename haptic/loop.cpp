@@ -183,7 +183,8 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   const std::int64_t written = monotonic_ns();
 
   bool zero = withheld_.load(relaxed);
-  for (int i = 0; i < devices(); ++i) zero = zero && forces_[i].force.isZero(0) && forces_[i].torque.isZero(0);
+  for (int i = 0; i < devices(); ++i)
+    zero = zero && forces_[i].force.isZero(0) && forces_[i].torque.isZero(0);
   at_zero_.store(zero, std::memory_order_release);
 
   const HapticState& state = tick_->state();
@@ -375,6 +376,9 @@ void HapticLoop::count(int i, const ForceSample& force) noexcept {
     add(s.answered, std::uint64_t{1});
   }
   if (force.status & status_solver_cap) add(s.solver_caps, std::uint64_t{1});
+  if (force.status & status_contacts_dropped) add(s.contacts_dropped, std::uint64_t{1});
+  s.samples.store(force.samples, relaxed);
+  s.samples_dropped.store(force.samples_dropped, relaxed);
   s.refused.store(state.device[i].watchdog.refused, relaxed);
   s.conflicts.store(state.device[i].watchdog.conflicts, relaxed);
   s.status.store(force.status, relaxed);

@@ -31,13 +31,15 @@ struct LoopStatistics {
   std::atomic<std::uint64_t> late_states{0};
   std::atomic<std::uint64_t> refused{0};  // device states
   std::atomic<std::uint64_t> conflicts{0};
-  std::atomic<std::uint64_t> solver_caps{0};  // contact solves that ended at their cap
-  std::atomic<std::uint32_t> status{0};       // of the newest force
-  std::atomic<std::uint64_t> page_faults{0};  // of the loop's thread since it was first armed
-  std::atomic<double> force_peak{0};          // [N]
-  std::atomic<double> penetration_max{0};     // scene, while force is rendered [m]
-  std::atomic<std::int64_t> first_ns{0};      // intended time of the first slot; 0: not begun
-  std::atomic<std::int64_t> next_ns{0};       // intended time of the next slot
+  std::atomic<std::uint64_t> solver_caps{0};                  // contact solves that ended at their cap
+  std::atomic<std::uint64_t> contacts_dropped{0};             // ticks in which contacts or tissue did not fit
+  std::atomic<std::uint32_t> samples{0}, samples_dropped{0};  // of the newest force's problem
+  std::atomic<std::uint32_t> status{0};                       // of the newest force
+  std::atomic<std::uint64_t> page_faults{0};                  // of the loop's thread since it was first armed
+  std::atomic<double> force_peak{0};                          // [N]
+  std::atomic<double> penetration_max{0};                     // scene, while force is rendered [m]
+  std::atomic<std::int64_t> first_ns{0};                      // intended time of the first slot; 0: not begun
+  std::atomic<std::int64_t> next_ns{0};                       // intended time of the next slot
 
   std::uint64_t scheduled() const noexcept {
     return run.load(std::memory_order_relaxed) + missed.load(std::memory_order_relaxed);

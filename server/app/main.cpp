@@ -217,14 +217,12 @@ void require_start() {
 // What a scene takes beyond that, as measured (server/MEASURED.md#memory): the kernel kills without a word.
 void require_room_for(const Scene& scene, const Arguments& a) {
   const bool locks = !a.check && may_lock_memory();
-  std::int64_t nodes = 0;
-  for (const SceneBody& body : scene.bodies) nodes += static_cast<std::int64_t>(body.mesh.nodes.size());
   const int worlds = 1 + static_cast<int>(scene.more_devices.size());
   const int devices = static_cast<int>(scene.instruments.size()) + worlds - 1;
   const std::int64_t base = locks ? 360'000'000 : 85'000'000;
-  require_memory(base + worlds * 32'000 * nodes,
+  require_memory(base + worlds * memory_of(scene),
                  locks ? "; without the right to lock memory (ulimit -l 64) " +
-                             std::to_string((85'000'000 + worlds * 32'000 * nodes) / 1'000'000) +
+                             std::to_string((85'000'000 + worlds * memory_of(scene)) / 1'000'000) +
                              " MB are enough"
                        : "");
   if (a.check) return;

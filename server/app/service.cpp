@@ -15,8 +15,8 @@ namespace {
 constexpr auto relaxed = std::memory_order_relaxed;
 constexpr std::int64_t figures_every_ns = 1'000'000'000;
 
-// The service manager hears of the daemon while its one ordinary thread is busy with another scene, as long as
-// that may take.
+// The service manager hears of the daemon while its one ordinary thread is busy with another scene, as long
+// as that may take.
 class KeepAlive {
  public:
   explicit KeepAlive(const Notifier& notifier)
@@ -42,6 +42,7 @@ LoopCounters counters_of(const WorldSession& session, int device) {
           .refused = h.refused.load(relaxed),
           .conflicts = h.conflicts.load(relaxed),
           .solver_caps = h.solver_caps.load(relaxed),
+          .contacts_dropped = h.contacts_dropped.load(relaxed),
           // Of the world: said once.
           .overruns = device == 0 ? s.overruns.load(relaxed) : 0,
           .references_failed = device == 0 ? s.references_failed.load(relaxed) : 0,
@@ -149,7 +150,8 @@ Service::Outcome Service::reset() {
     daemon_.reset();
     const auto ms = (monotonic_ns() - begun) / 1'000'000;
     said_out_of_room_ = false;
-    log(LogLevel::info, "reset", "reset: the scene from its start, after " + std::to_string(ms) + " ms", {{"ms", ms}});
+    log(LogLevel::info, "reset", "reset: the scene from its start, after " + std::to_string(ms) + " ms",
+        {{"ms", ms}});
     return {true, "the scene from its start, after " + std::to_string(ms) + " ms"};
   } catch (const std::exception& e) {
     log(LogLevel::error, "reset_failed", std::string("reset failed, nothing changed: ") + e.what());
@@ -181,9 +183,9 @@ Service::Outcome Service::reload() {
       log(LogLevel::info, "reload_taken", "taken: " + what, {{"what", what}});
     for (const std::string& what : r.anew)
       log(LogLevel::info, "reload_anew", "the simulation begins again with: " + what, {{"what", what}});
-    outcome.message = "reloaded: " + std::to_string(r.taken.size()) + " taken, " + std::to_string(r.clamped.size()) +
-                      " clamped, " + std::to_string(r.anew.size()) + " anew, " +
-                      std::to_string(r.not_taken.size()) + " not taken";
+    outcome.message = "reloaded: " + std::to_string(r.taken.size()) + " taken, " +
+                      std::to_string(r.clamped.size()) + " clamped, " + std::to_string(r.anew.size()) +
+                      " anew, " + std::to_string(r.not_taken.size()) + " not taken";
     log(LogLevel::info, "reloaded", outcome.message,
         {{"taken", r.taken}, {"clamped", r.clamped}, {"anew", r.anew}, {"not_taken", r.not_taken}});
     for (const std::string& what : r.not_taken) outcome.message += "\nnot taken: " + what;

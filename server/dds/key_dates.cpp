@@ -45,4 +45,11 @@ std::optional<double> days_left(const Security& security) {
   return least;
 }
 
+std::string ended_keys(const std::optional<Security>& security) {
+  const std::optional<double> days = security ? days_left(*security) : std::nullopt;
+  if (!days || *days > 0) return {};
+  return "the keys of " + security->role + " in " + security->authority.parent_path().string() +
+         " have ended: run make_keys.sh again for new ones (haptic doctor --secure DIR says which)";
+}
+
 }  // namespace hapticd

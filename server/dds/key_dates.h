@@ -14,5 +14,7 @@ namespace hapticd {
 std::optional<double> days_left_of_certificate(const std::string& pem);
 std::optional<double> days_left_of_permissions(const std::string& text);
 std::optional<double> days_left(const Security& security);
+// Whose keys have ended and what makes new ones, in words; empty: they hold, or there are none.
+std::string ended_keys(const std::optional<Security>& security);
 
 }  // namespace hapticd

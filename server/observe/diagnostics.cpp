@@ -71,6 +71,7 @@ nlohmann::json loop_summary(const LoopStatistics& s) {
           {"states_rejected", s.refused.load(relaxed)},
           {"conflicts", s.conflicts.load(relaxed)},
           {"solver_caps", s.solver_caps.load(relaxed)},
+          {"contacts_dropped", s.contacts_dropped.load(relaxed)},
           {"page_faults", s.page_faults.load(relaxed)},
           {"wake_histogram", bins(s.wake)},
           {"timer_histogram", bins(s.timer)},
@@ -101,6 +102,7 @@ Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& m, std::int64_t time_ns
               {"status", std::to_string(m.status)},
               {"rejected_states", std::to_string(m.rejected_states)},
               {"conflicts", std::to_string(m.conflicts)},
+              {"samples_dropped", std::to_string(m.samples_dropped)},
               {"refused", m.refused}};
   return d;
 }
@@ -333,6 +335,8 @@ void Diagnostics::publish_status() {
   m.status = statistics_.status.load(relaxed);
   m.rejected_states = static_cast<std::uint32_t>(statistics_.refused.load(relaxed));
   m.conflicts = static_cast<std::uint32_t>(statistics_.conflicts.load(relaxed));
+  m.samples = statistics_.samples.load(relaxed);
+  m.samples_dropped = statistics_.samples_dropped.load(relaxed);
   m.scene = const_cast<char*>(scene_->name.c_str());
   m.refused = const_cast<char*>(refused_.c_str());
   status_.write(m);

@@ -61,8 +61,9 @@ hapticd_msg_SceneOperation operation_message(std::uint32_t device_id, const std:
 // The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
 // slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, timer_us, solve_us,
 // write_us, interval_us, state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,
-// penetration_max_um, states_rejected, conflicts, solver_caps, page_faults; wake_histogram and likewise for
-// the others ([[middle of a bin in µs, count], …], so that a caller can subtract two summaries).
+// penetration_max_um, states_rejected, conflicts, solver_caps, contacts_dropped (ticks), page_faults;
+// wake_histogram and likewise for the others ([[middle of a bin in µs, count], …], so that a caller can
+// subtract two summaries).
 nlohmann::json loop_summary(const LoopStatistics& statistics);
 
 // Bits of a status (haptic/device.h) that are an error; those that are no fault.
@@ -74,8 +75,8 @@ inline constexpr std::uint32_t status_ordinary =
 // A status as a recording keeps it.
 Diagnostic diagnostic_of(const hapticd_msg_ServerStatus& status, std::int64_t time_ns);
 
-// Whose status is published, if there is a haptic half here, and whether the scene is: bodies have one key for
-// all devices.
+// Whose status is published, if there is a haptic half here, and whether the scene is: bodies have one key
+// for all devices.
 struct DiagnosticsScope {
   std::uint32_t device_id = 0;
   bool shows_scene = true;
@@ -104,8 +105,8 @@ class Diagnostics {
   // grants: what the operating system refused is part of every status. realtime_core: the thread keeps off
   // it.
   void start(const std::vector<Grant>& grants = {}, std::optional<int> realtime_core = {});
-  // Another scene, or the same from its start: shown from the thread's next turn on. Any thread; the scene before
-  // must live on until then, and for a second.
+  // Another scene, or the same from its start: shown from the thread's next turn on. Any thread; the scene
+  // before must live on until then, and for a second.
   void show(const Scene& scene) noexcept { next_scene_.store(&scene, std::memory_order_release); }
   // Drains what the loop left, publishes a last status, closes the recording. Idempotent.
   void stop() noexcept;

@@ -12,12 +12,14 @@ struct Watched {
   const char* event;
   const char* what;
 };
-constexpr std::array<Watched, 8> watched = {
+constexpr std::array<Watched, 9> watched = {
     {{&LoopCounters::deadline_misses, "deadline_misses", "haptic ticks ended after their deadline"},
      {&LoopCounters::missed, "slots_missed", "haptic slots were missed"},
      {&LoopCounters::refused, "states_rejected", "device states were rejected"},
      {&LoopCounters::conflicts, "conflicts", "times a second client wrote for this device: not rendered"},
      {&LoopCounters::solver_caps, "solver_caps", "contact solves ended at their cap or deadline"},
+     {&LoopCounters::contacts_dropped, "contacts_dropped",
+      "haptic ticks had more contacts, or more tissue within reach, than fits: the farthest was left out"},
      {&LoopCounters::overruns, "sim_overruns", "simulation steps were left out"},
      {&LoopCounters::references_failed, "references_failed", "bases failed"},
      {&LoopCounters::recording_dropped, "recording_dropped", "ticks are missing in the recording"}}};

@@ -103,4 +103,10 @@ std::vector<DeviceSettings> devices_of(const Scene& scene) {
   return devices;
 }
 
+std::int64_t memory_of(const Scene& scene) noexcept {
+  std::int64_t nodes = 0;
+  for (const SceneBody& body : scene.bodies) nodes += static_cast<std::int64_t>(body.mesh.nodes.size());
+  return 32'000 * nodes;
+}
+
 }  // namespace hapticd

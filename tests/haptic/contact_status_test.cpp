@@ -102,7 +102,11 @@ TEST_F(ContactStatus, NothingDroppedWhereAllFit) {
 // The simulation says so of samples that did not fit the patch.
 TEST_F(ContactStatus, DroppedWhereThePatchWasTooSmall) {
   problem->dropped_samples = 1;
-  EXPECT_EQ(at(wall::radius - 0.2e-3).status, status_contacts_dropped);
+  const ForceSample f = at(wall::radius - 0.2e-3);
+  EXPECT_EQ(f.status, status_contacts_dropped);
+  EXPECT_EQ(f.samples_dropped, 1u);
+  EXPECT_EQ(f.samples, static_cast<std::uint32_t>(problem->samples));
+  EXPECT_EQ(f.dropped, 0u);
 }
 
 }  // namespace

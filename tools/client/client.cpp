@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "haptic/loop.h"
+#include "server/dds/key_dates.h"
 #include "tools/cli/interrupt.h"
 #include "tools/client_library/phase.h"
 
@@ -21,6 +22,13 @@ constexpr std::int64_t silence_ns = 2'000'000'000;
 constexpr int slots_before_enable = 50, slots_between_edges = 1000;
 constexpr int rounds_of_phase = 3;
 constexpr double phase_tolerance_us = 150;
+
+// What a client can know of it: Cyclone lets go of a participant whose keys end, without a word.
+std::string why_silent(const std::optional<Security>& security) {
+  if (!security) return "";
+  const std::string ended = ended_keys(security);
+  return ended.empty() ? " (its log says why; where its keys have ended, that too)" : ": " + ended;
+}
 
 }  // namespace
 
@@ -233,7 +241,8 @@ void DeviceClient::check_end() const {
                                (second_daemon() ? "; a second daemon serves this device" : ""));
     case Stage::silent:
       throw std::runtime_error("the daemon fell silent: no force for 2 s, at slot " +
-                               std::to_string(reached_.load()) + " of " + std::to_string(book_.scheduled()));
+                               std::to_string(reached_.load()) + " of " + std::to_string(book_.scheduled()) +
+                               why_silent(settings_.security));
     default:
       return;
   }
@@ -266,8 +275,8 @@ void DeviceClient::run(SlotSource& source, const std::function<void(std::int64_t
 
 std::string status_text(std::uint32_t status) {
   static constexpr const char* names[] = {
-      "disarmed",   "holding",    "ramping_down", "ramping_up",       "problem_old",  "problem_lost",
-      "gap",        "rejected",   "latched",      "conflict",         "saturated",    "slew_limited",
+      "disarmed",   "holding",    "ramping_down", "ramping_up",       "problem_old",   "problem_lost",
+      "gap",        "rejected",   "latched",      "conflict",         "saturated",     "slew_limited",
       "not_finite", "solver_cap", "blending",     "contacts_dropped", "second_daemon", "contact_lost"};
   std::string text;
   for (std::size_t bit = 0; bit < std::size(names); ++bit)

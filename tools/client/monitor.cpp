@@ -26,7 +26,7 @@ void Monitor::poll() {
   status_.take_each([this](const hapticd_msg_ServerStatus& m, const dds_sample_info_t&) {
     if (m.device_id != device_id_) return;
     statuses_.push_back({monotonic_ns(), m.elements_removed, m.fragments_aspirated, m.haptic_rate_hz,
-                         m.sim_rate_hz, m.scene ? m.scene : ""});
+                         m.sim_rate_hz, m.samples, m.samples_dropped, m.scene ? m.scene : ""});
   });
   geometry_.take_each([this](const hapticd_msg_SceneGeometry& m, const dds_sample_info_t&) {
     Body& body = bodies_[m.body];

@@ -25,6 +25,7 @@ struct StatusRecord {
   std::uint32_t fragments_aspirated = 0;
   double haptic_rate_hz = 0;
   double sim_rate_hz = 0;
+  std::uint32_t samples = 0, samples_dropped = 0;  // of the newest problem
   std::string scene;
 };
 
@@ -38,6 +39,7 @@ class Monitor {
   void keep_at(std::vector<double> times) { keep_at_ = std::move(times); }
   void poll_at(double time);
 
+  const std::vector<StatusRecord>& all() const noexcept { return statuses_; }
   bool heard() const noexcept { return !statuses_.empty(); }
   StatusRecord newest() const { return heard() ? statuses_.back() : StatusRecord{}; }
   // The newest status that had arrived by then; an empty one before the first.

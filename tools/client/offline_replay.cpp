@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "server/os/room.h"
 #include "server/scene/scene_world.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/cli/interrupt.h"
@@ -23,6 +24,7 @@ bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources,
                     const ReplaySinks& sinks) {
   if (std::llround(1e9 / scene.rate) < ms)
     throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
+  require_memory(60'000'000 + memory_of(scene), "");  // else the kernel kills without a word
   ReplayedTick now;
   const int devices = static_cast<int>(std::min(sources.size(), scene.instruments.size()));
   EachInstrument<NewestForce> newest;

@@ -8,8 +8,8 @@
 // Solves are bounded by counts, never by time, and a scene with `model: auto` keeps what it pins and the
 // whole model else, as a plan is made by measured times: two runs of one program on one machine agree bit for
 // bit. Another processor rounds otherwise where its kernels differ (front_kernels.h). Units: as in
-// haptic/device.h. Errors: std::runtime_error from a singular body, std::invalid_argument for a rate above 1
-// kHz.
+// haptic/device.h. Errors: std::runtime_error from a singular body and where memory is short,
+// std::invalid_argument for a rate above 1 kHz.
 #pragma once
 
 #include <functional>

@@ -142,7 +142,8 @@ class DeviceTrace {
     peak_ = std::max(peak_, f.force.norm());
     penetration_ = std::max(penetration_, f.penetration);
     in_contact_ += f.active > 0;
-    dropped_.note(f.contacts, f.dropped);
+    dropped_.note(f.contacts, f.dropped, (f.status & status_contacts_dropped) != 0);
+    dropped_.note_samples(f.samples, f.samples_dropped);
     not_finite_ += (f.status & status_not_finite) != 0;
     capped_ += (f.status & status_solver_cap) != 0;
     status_ |= f.status;

@@ -175,11 +175,12 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
     penetration = std::max(penetration, static_cast<double>(m.penetration_um));
     energy = std::min(energy, static_cast<double>(m.energy));
     in_contact += force > contact_force;
-    dropped.note(m.contacts, m.dropped);
+    dropped.note(m.contacts, m.dropped, (m.status & status_contacts_dropped) != 0);
     age.push_back(m.state_age_us);
     wake.push_back(m.wake_us);
     solve.push_back(m.solve_us);
   });
+  for (const StatusRecord& s : played.monitor.all()) dropped.note_samples(s.samples, s.samples_dropped);
   const StatusRecord status = played.monitor.newest();
   const Quantiles round_trip = quantiles(book.round_trip_us());
   const Quantiles late = quantiles(book.lateness_us());

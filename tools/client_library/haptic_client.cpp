@@ -75,7 +75,9 @@ const char* meaning(haptic_result result) noexcept {
              "device_id, or "
              "give the keys of one that runs with --secure";
     case HAPTIC_SILENT:
-      return "the daemon has been silent for 7 ms or more: it died, or it is held up";
+      return "the daemon has been silent for 7 ms or more: it died, it is held up, or one of both sides' "
+             "keys "
+             "have ended";
     case HAPTIC_SECOND_DAEMON:
       return "two daemons, or one and somebody who plays one, serve this device: stop one, then let the "
              "device go "

@@ -4,14 +4,11 @@
 Reads charts.json and the folder of each chart beside it: its JSON and all its pictures, which go into the page.
 Example: tools/plot/chart_report.py build/chart/charts.json build/chart/report.html
 """
-import base64
-import html
 import json
-import os
 import pathlib
-import platform
-import struct
 import sys
+
+from plot_page import machine, page, picture, scrolled, text
 
 # A chart that is not named here comes at the end, with its pictures alone.
 SECTIONS = {
@@ -46,53 +43,12 @@ haptic loop is off by while a piece is pushed 0.4 mm in one step, for what it ho
 last step's; and how far bodies in contact are from answers known by hand, in units of what is asked."""),
 }
 
-WIDE = 1200  # pixels: panels beside one another, which nobody can read on a narrow page
-
-STYLE = """
-:root { color-scheme: light dark; --ground: #fff; --ink: #33383f; --quiet: #6b7280; --accent: #c2410c; --bad: #b00020;
-        --line: #e1e4e8; }
-@media (prefers-color-scheme: dark) {
-  :root { --ground: #16191c; --ink: #d9dde1; --quiet: #98a0a8; --accent: #f0a35a; --bad: #ff7a86; --line: #31373d; }
-  img { filter: invert(0.9) hue-rotate(180deg); }
-}
-body { font: 16px/1.55 system-ui, sans-serif; background: var(--ground); color: var(--ink); max-width: 62rem;
-       margin: 2.5rem auto; padding: 0 1.2rem; }
-h1 { font-size: 1.9rem; margin-bottom: .2rem; } h2 { margin-top: 3rem; border-top: 1px solid var(--line); padding-top: 1.4rem; }
-img { max-width: 100%; height: auto; } figure { margin: 1.2rem 0; }
-table { border-collapse: collapse; font-size: .86rem; margin: 1rem auto; }
-th, td { text-align: right; padding: .22rem .5rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; } th { font-weight: 600; white-space: normal; vertical-align: bottom; }
-tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: var(--quiet); }
-table.verdict { margin: 1rem 0; } table.verdict td { text-align: left; white-space: normal; }
-.bad { color: var(--bad); font-weight: 600; } .dim { color: var(--quiet); } a { color: var(--accent); }
-/* What is wide scrolls on a narrow page, at a size that can be read; a table's first column takes several lines there. */
-@media (max-width: 44rem) {
-  figure.wide { overflow-x: auto; } figure.wide img { max-width: none; width: 44rem; }
-  td:first-child { white-space: normal; min-width: 8rem; }
-}
-/* A wide table takes what the window has beside the text; where that is not enough, it scrolls. */
-.scroll { overflow-x: auto; width: min(94rem, 100vw - 3rem); margin-left: 50%; transform: translateX(-50%); }
-"""
-
-
-def text(value):
-    return html.escape(str(value))
-
-
-def picture(path):
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    wide = struct.unpack(">I", path.read_bytes()[16:20])[0] > WIDE
-    return f'<figure{" class=wide" if wide else ""}><img alt="{text(path.stem)}" src="data:image/png;base64,{data}"></figure>'
-
-
 def percent(value, digits=2):
     return f"{100 * value:.{digits}f}"
 
 
 def table(head, rows):
-    cells = "".join(f"<th>{text(h)}</th>" for h in head)
-    body = "".join(f'<tr class="{kind}">' + "".join(f"<td>{text(c)}</td>" for c in row) + "</tr>" for kind, row in rows)
-    return f'<div class="scroll"><table><tr>{cells}</tr>{body}</table></div>'
+    return scrolled([text(h) for h in head], [(kind, [text(c) for c in row]) for kind, row in rows])
 
 
 def force_details(data):
@@ -286,32 +242,20 @@ def section(folder, entry):
     return "".join(parts)
 
 
-def processor():
-    try:
-        for line in pathlib.Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.machine()
-
-
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
     listing = pathlib.Path(sys.argv[1])
     data = json.loads(listing.read_text(encoding="utf-8"))
     charts = data["charts"]
-    made = [f"{platform.node()}, {processor()}, {os.cpu_count()} cores", f"{data['seconds']} s in all"]
+    made = [machine(), f"{data['seconds']} s in all"]
     if "date" in data:
         made = [data["date"], made[0], f"load {data['load_before']} before and {data['load_after']} after", made[1]]
     quick = " Quick run: fewer cases than <code>haptic chart all</code> without <code>--quick</code>." if data["quick"] else ""
-    page = (f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>hapticd: charts</title>'
-            f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head><body>'
-            f"<h1>hapticd: speed against accuracy</h1>"
+    body = (f"<h1>hapticd: speed against accuracy</h1>"
             f'<p class="dim">{text("; ".join(made))}.{quick}</p>'
-            f"{verdicts(listing.parent, charts)}" + "".join(section(listing.parent, c) for c in charts) + "</body></html>")
-    pathlib.Path(sys.argv[2]).write_text(page, encoding="utf-8")
+            f"{verdicts(listing.parent, charts)}" + "".join(section(listing.parent, c) for c in charts))
+    pathlib.Path(sys.argv[2]).write_text(page("hapticd: charts", body), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -3,21 +3,13 @@
 
 Example: tools/plot/plot_stability.py build/stability/stability.json build/stability
 """
-import base64
-import html
 import pathlib
+import re
 import textwrap
+import time
 
+from plot_page import machine, page, picture, scrolled, text
 from plot_style import ACCENT, GREY, INK, plt, run
-
-CSS = """
-body { font: 16px/1.55 system-ui, sans-serif; color: #33383f; max-width: 60rem; margin: 2.5rem auto; padding: 0 1.2rem; }
-h1 { font-size: 1.9rem; } h2 { margin-top: 2.6rem; border-top: 1px solid #e1e4e8; padding-top: 1.2rem; }
-img { max-width: 100%; } table { border-collapse: collapse; font-size: .88rem; width: 100%; }
-th, td { text-align: right; padding: .25rem .5rem; border-bottom: 1px solid #e1e4e8; }
-th:first-child, td:first-child { text-align: left; } .bad { color: #b00020; font-weight: 600; }
-"""
-
 
 # Least first, so that the daemon is drawn over what it coincides with.
 WAYS = (("held", GREY, "^", 5, "force held for 20 ms"), ("wall", INK, "s", 7, "ideal 1 kHz wall, the best of its dampings"),
@@ -164,12 +156,14 @@ def draw_mode(mode, path):
     plt.close(figure)
 
 
-def picture(path):
-    return f'<p><img alt="{path.stem}" src="data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"></p>'
+def unit(mode):
+    """Of the parameter, as its words have it in brackets: of what breaks first, of the bound, of what is asked."""
+    found = re.search(r"\[([^\]]+)\]", mode["parameter"])
+    return found.group(1) if found else ""
 
 
-def shown(value):
-    return "–" if value is None else f"{value:g}"
+def shown(value, of):
+    return "–" if value is None else f"{value:g} {of}".strip()
 
 
 STATUS = ("disarmed holding ramping_down ramping_up problem_old problem_lost gap rejected latched conflict saturated "
@@ -183,7 +177,28 @@ def verdict(mode):
     if not mode["ends_in_safe_state"]:
         return "survives"
     bits = [name for k, name in enumerate(STATUS) if mode["default_status_when_broken"] >> k & 1]
-    return "safe: " + html.escape(", ".join([mode["default_says"]] if mode["default_says"] else bits))
+    return "safe: " + text(", ".join([mode["default_says"]] if mode["default_says"] else bits))
+
+
+def of_mode(mode, data, folder):
+    """What was made worse, how it was judged, and its picture."""
+    parts = [f"<h2 id=\"{text(mode['mode'])}\">{text(mode['mode'])}</h2><p>{text(mode['parameter'])}. Naive: {text(mode['naive'])}. "
+             f"Here: {text(mode['default'])}. Judged: {text(mode['judged'])}"
+             f"{'' if mode['last_sound'] else ', broken above ' + format(mode['limit'], 'g')}. Required: "
+             f"{text(mode['required_because'])}.</p>"]
+    if mode["mode"] == "stiffness":
+        parts.append(picture(folder / "stability_map.png"))
+    elif mode["mode"] == "link" and data.get("links"):
+        draw_links(data["links"], folder / "stability_link.png")
+        parts.append(picture(folder / "stability_link.png"))
+    elif mode["mode"] == "grasps":
+        parts.append(picture(folder / "stability_grasps.png") + "<ul>" + "".join(
+            f"<li>{text(p['hand'])}: {text(p['source'])}</li>" for p in data["grasps"]) + "</ul>")
+    elif mode.get("trace"):
+        path = folder / f"stability_{mode['mode'].replace(' ', '_')}.png"
+        draw_mode(mode, path)
+        parts.append(picture(path))
+    return "".join(parts)
 
 
 def draw(data, folder):
@@ -193,40 +208,28 @@ def draw(data, folder):
         if data.get(key):
             of(data[key], folder / f"stability_{key}.png")
     for mode in data["modes"]:
-        rows.append(f"<tr><td>{html.escape(mode['mode'])}</td><td>{shown(mode['naive_breaks_at'])}</td>"
-                    f"<td>{shown(mode['default_breaks_at'])}</td><td>{shown(mode['analytic_bound'])}</td>"
-                    f"<td>{shown(mode['required'])}</td><td>{verdict(mode)}</td></tr>")
-        text = (f"<h2>{html.escape(mode['mode'])}</h2><p>{html.escape(mode['parameter'])}. Naive: "
-                f"{html.escape(mode['naive'])}. Here: {html.escape(mode['default'])}. Judged: {html.escape(mode['judged'])}"
-                f"{'' if mode['last_sound'] else ', broken above ' + format(mode['limit'], 'g')}. Required: "
-                f"{html.escape(mode['required_because'])}.</p>")
-        if mode["mode"] == "stiffness":
-            text += picture(folder / "stability_map.png")
-        elif mode["mode"] == "link" and data.get("links"):
-            draw_links(data["links"], folder / "stability_link.png")
-            text += picture(folder / "stability_link.png")
-        elif mode["mode"] == "grasps":
-            text += picture(folder / "stability_grasps.png") + "<ul>" + "".join(
-                f"<li>{html.escape(p['hand'])}: {html.escape(p['source'])}</li>" for p in data["grasps"]) + "</ul>"
-        elif mode.get("trace"):
-            path = folder / f"stability_{mode['mode'].replace(' ', '_')}.png"
-            draw_mode(mode, path)
-            text += picture(path)
-        sections.append(text)
+        name = f"<a href=\"#{text(mode['mode'])}\">{text(mode['mode'])}</a>"
+        rows.append(("", [name] + [shown(mode[key], unit(mode)) for key in
+                                   ("naive_breaks_at", "default_breaks_at", "analytic_bound", "required")] + [verdict(mode)]))
+        sections.append(of_mode(mode, data, folder))
     if data.get("random"):
         keys = [k for k in data["random"][0] if k not in ("passivity_control", "status", "faults")]
-        head = "".join(f"<th>tank {'on' if r['passivity_control'] else 'off'}</th>" for r in data["random"])
-        body = "".join(f"<tr><td>{k}</td>" + "".join(f"<td>{r[k]:g}</td>" for r in data["random"]) + "</tr>" for k in keys)
         sections.append("<h2>random</h2><p>A hand strays through the cataract scene, cuts, and loses states.</p>"
-                        f"<table><tr><th></th>{head}</tr>{body}</table>")
-    page = (f"<!doctype html><html lang=en><meta charset=utf-8><title>Stability</title><style>{CSS}</style>"
-            "<h1>Where methods break</h1><p>One thing is made worse until something breaks; in most modes a hand on a "
-            "device presses into tissue, and the loop swings or makes energy. Grey is the naive method, orange the daemon. "
-            "Below, the first value that breaks each (of stiffness and grasps the last sound one); – means that none in "
-            "the range did.</p>"
-            "<table><tr><th>mode</th><th>naive breaks at</th><th>daemon breaks at</th><th>analytic bound</th>"
-            f"<th>required</th><th></th></tr>{''.join(rows)}</table>{''.join(sections)}</html>")
-    (folder / "stability.html").write_text(page)
+                        + scrolled([""] + [f"tank {'on' if r['passivity_control'] else 'off'}" for r in data["random"]],
+                                   [("", [k] + [f"{r[k]:g}" for r in data["random"]]) for k in keys]))
+    broken = [m["mode"] for m in data["modes"] if not m["survives_required_range"]]
+    found = f"{len(data['modes']) - len(broken)} of {len(data['modes'])} modes survive what is required of them"
+    bad = f' <span class="bad">Not: {text(", ".join(broken))}.</span>' if broken else ""
+    quick = " Quick run: wider steps than <code>haptic stability</code> without <code>--quick</code>." if data.get("quick") else ""
+    body = (f"<h1>Where methods break</h1><p class=dim>Drawn {time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime())} on "
+            f"{text(machine())}. Time is virtual: the machine's load changes no figure.{quick}</p><p><b>{found}.</b>{bad}</p>"
+            "<p>One thing is made worse until something breaks; in most modes a hand on a device presses into tissue, and "
+            "the loop swings or makes energy. Grey is the naive method, orange the daemon. Below, the first value that "
+            "breaks each (of stiffness and grasps the last sound one), in the unit of what was made worse; – means that "
+            "none in the range did.</p>"
+            + scrolled(["mode", "naive breaks at", "daemon breaks at", "analytic bound", "required", "the daemon"], rows)
+            + "".join(sections))
+    (folder / "stability.html").write_text(page("hapticd: stability", body), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -105,15 +105,22 @@ TEST(Metrics, AStationIsALabelOfEverySample) {
   EXPECT_EQ(prometheus_text({.version = "1"}, {device(0)}).find("station"), std::string::npos);
 }
 
-std::string ask(std::uint16_t port, const std::string& request) {
+// −1: refused.
+int connected(std::uint16_t port) {
   const int s = socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in to{};
   to.sin_family = AF_INET;
   to.sin_port = htons(port);
   inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
+  if (connect(s, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0) return s;
+  close(s);
+  return -1;
+}
+
+std::string ask(std::uint16_t port, const std::string& request) {
+  const int s = connected(port);
   std::string answer;
-  if (connect(s, reinterpret_cast<sockaddr*>(&to), sizeof to) == 0 &&
-      write(s, request.data(), request.size()) == static_cast<ssize_t>(request.size())) {
+  if (s >= 0 && write(s, request.data(), request.size()) == static_cast<ssize_t>(request.size())) {
     char part[4096];
     for (ssize_t n; (n = read(s, part, sizeof part)) > 0;) answer.append(part, static_cast<std::size_t>(n));
   }
@@ -157,18 +164,29 @@ TEST(MetricsServer, IdleConnectionsMakeRoom) {
   MetricsServer server("0", [] { return std::string("figures 1\n"); });
   std::vector<int> idle;
   for (int i = 0; i < 64; ++i) {
-    idle.push_back(socket(AF_INET, SOCK_STREAM, 0));
-    sockaddr_in to{};
-    to.sin_family = AF_INET;
-    to.sin_port = htons(server.port());
-    inet_pton(AF_INET, "127.0.0.1", &to.sin_addr);
-    ASSERT_EQ(connect(idle.back(), reinterpret_cast<sockaddr*>(&to), sizeof to), 0);
+    idle.push_back(connected(server.port()));
+    ASSERT_GE(idle.back(), 0);
     ASSERT_EQ(write(idle.back(), "G", static_cast<std::size_t>(i % 2)), i % 2);
   }
   const auto begun = std::chrono::steady_clock::now();
   EXPECT_TRUE(ask(server.port(), get("/metrics", "localhost")).starts_with("HTTP/1.1 200 "));
   EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(1));
   for (const int s : idle) close(s);
+}
+
+// Nor does who asks for more than sockets hold, and reads none of it.
+TEST(MetricsServer, SlowReadersBlockNobody) {
+  MetricsServer server("0", [] { return std::string(16'000'000, 'f'); });
+  const std::string request = get("/metrics", "localhost");
+  std::vector<int> slow;
+  for (int i = 0; i < 15; ++i) {
+    slow.push_back(connected(server.port()));
+    ASSERT_EQ(write(slow.back(), request.data(), request.size()), static_cast<ssize_t>(request.size()));
+  }
+  const auto begun = std::chrono::steady_clock::now();
+  EXPECT_GT(ask(server.port(), request).size(), 16'000'000u);
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::seconds(2));
+  for (const int s : slow) close(s);
 }
 
 TEST(MetricsServer, RefusesWhatIsNotLoopback) {

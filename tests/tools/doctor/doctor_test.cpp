@@ -56,6 +56,22 @@ TEST(Doctor, ReadsUntilWhenPermissionsHold) {
   EXPECT_EQ(days_left_of_certificate("-----BEGIN CERTIFICATE-----\nnone\n"), std::nullopt);
 }
 
+TEST(Doctor, KeysThatHaveEndedAreNamedWithWhatMakesNewOnes) {
+  const ScratchDirectory scratch;
+  Security security;
+  security.role = "device";
+  security.authority = security.certificate = scratch.file("ca.pem", "-----BEGIN CERTIFICATE-----\n");
+  const auto until = [&](const std::string& date) {
+    security.permissions = scratch.file("permissions.p7s", "<not_after>" + date + "</not_after>");
+    return ended_keys(security);
+  };
+  EXPECT_EQ(until("2999-01-02T00:00:00"), "");
+  const std::string said = until("2000-01-02T00:00:00");
+  EXPECT_NE(said.find("the keys of device in "), std::string::npos) << said;
+  EXPECT_NE(said.find("have ended: run make_keys.sh"), std::string::npos) << said;
+  EXPECT_EQ(ended_keys(std::nullopt), "");
+}
+
 // Keys of ten days, one of them for everybody's eyes.
 TEST(Doctor, KeysThatEndSoonWarnAndOpenKeysFail) {
   const ScratchDirectory scratch;

@@ -231,7 +231,7 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   std::vector<const ForceConfiguration*> chosen;
   for (const ForceConfiguration& c : table.configurations)
     if (!settings.quick || c.quick || c.label == table.default_label) chosen.push_back(&c);
-  const std::vector<int> removals = settings.quick ? std::vector<int>{0} : settings.removals;
+  const std::vector<int>& removals = settings.removals;
 
   // Inputs first: a fault in the last recording is not found after an hour.
   const std::vector<Job> jobs = table.windows.empty() ? recording_jobs(scene, recordings, settings, removals)

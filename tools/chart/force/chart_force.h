@@ -34,7 +34,7 @@ struct ForceChartSettings {
   // Elements per 20 ms. Along the table's windows: 0 allows those without removals,
   // others those with.
   std::vector<int> removals = {0, 5};
-  bool quick = false;           // the table's quick configurations, no removals, no finest mesh
+  bool quick = false;           // the table's quick configurations, no finest mesh
   std::filesystem::path cache;  // of references; empty: none are kept
   Shard shard;                  // recordings, with and without removals, or windows of this part alone
 };

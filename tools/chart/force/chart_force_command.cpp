@@ -248,6 +248,7 @@ void print_chart(const ForceChart& chart, const Scene& scene) {
 
 int chart(Options options, const CLI::App& app) {
   if (options.settings.quick && app.count("--window") == 0) options.window_s = options.cut ? 0.5 : 0.17;
+  if (options.settings.quick && app.count("--removals") == 0) options.settings.removals = {0};
   if (options.window_s > 0) options.settings.window.length = options.window_s;
   options.settings.window.depth = 1e-3 * options.depth_mm;
   if (options.scene.empty()) {
@@ -358,7 +359,7 @@ Command add_chart_force(CLI::App& chart_app) {
       ->check(CLI::Range(0.01, 10.0))
       ->capture_default_str();
   app->add_flag("--quick", options->settings.quick,
-                "the table's quick configurations, no removals, half a minute");
+                "the table's quick configurations, no removals unless asked for, half a minute");
   app->add_option("--json", options->json, "figures to this file");
   app->add_option("--csv", options->csv, "the points to this file");
   app->add_option("--out", options->out, "figures, pictures and kept references into this directory");
