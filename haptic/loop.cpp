@@ -377,6 +377,10 @@ void HapticLoop::count(int i, const ForceSample& force) noexcept {
   }
   if (force.status & status_solver_cap) add(s.solver_caps, std::uint64_t{1});
   if (force.status & status_contacts_dropped) add(s.contacts_dropped, std::uint64_t{1});
+  const WatchdogState& w = state.device[i].watchdog;
+  s.silent.store((force.status & status_disarmed) && !(force.status & status_latched) && w.has_sample &&
+                     w.sample.enable && !w.may_arm,
+                 relaxed);
   s.samples.store(force.samples, relaxed);
   s.samples_dropped.store(force.samples_dropped, relaxed);
   s.refused.store(state.device[i].watchdog.refused, relaxed);

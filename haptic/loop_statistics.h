@@ -33,6 +33,7 @@ struct LoopStatistics {
   std::atomic<std::uint64_t> conflicts{0};
   std::atomic<std::uint64_t> solver_caps{0};                  // contact solves that ended at their cap
   std::atomic<std::uint64_t> contacts_dropped{0};             // ticks in which contacts or tissue did not fit
+  std::atomic<bool> silent{false};                            // disarmed because no state of its client came
   std::atomic<std::uint32_t> samples{0}, samples_dropped{0};  // of the newest force's problem
   std::atomic<std::uint32_t> status{0};                       // of the newest force
   std::atomic<std::uint64_t> page_faults{0};                  // of the loop's thread since it was first armed

@@ -33,6 +33,7 @@
 #include "server/record/bag_writer.h"
 #include "server/scene/scene_describe.h"
 #include "server/scene/scene_reader.h"
+#include "server/scene/scene_world.h"
 
 namespace {
 

@@ -37,6 +37,7 @@ LoopCounters counters_of(const WorldSession& session, int device) {
   const SimulationStatistics& s = session.simulation_statistics();
   return {.device_id = session.device_id(device),
           .status = h.status.load(relaxed) | (h.run.load(relaxed) == 0 ? std::uint32_t{status_disarmed} : 0u),
+          .silent = h.silent.load(relaxed),
           .deadline_misses = h.deadline_misses.load(relaxed),
           .missed = h.missed.load(relaxed),
           .refused = h.refused.load(relaxed),

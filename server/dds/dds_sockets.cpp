@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <mutex>
@@ -14,6 +15,7 @@
 
 #include "server/dds/call_table.h"
 #include "server/dds/rtps_check.h"
+#include "server/dds/rtps_numbers.h"
 
 namespace hapticd {
 namespace {
@@ -23,6 +25,11 @@ using Receive = ssize_t (*)(int, msghdr*, int);
 
 thread_local bool to_loopback = false;
 std::atomic<std::uint64_t> refused{0};
+RtpsNumbers numbers;
+
+std::int64_t now_ns() noexcept {
+  return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 // What comes after ours; where libddsc's table was written over, what was there.
 std::atomic<Bind> bind_before{nullptr};
@@ -97,8 +104,8 @@ void come_first(const char* name, F* ours, std::atomic<F*>& before) {
   if (dlsym(RTLD_DEFAULT, name) == us) return;
   void* const there = redirect_calls("libddsc.so", name, us);
   if (!there)
-    throw std::runtime_error(std::string("DDS: what libddsc hears cannot be checked: it has no call of ") + name +
-                             " that could be led here");
+    throw std::runtime_error(std::string("DDS: what libddsc hears cannot be checked: it has no call of ") +
+                             name + " that could be led here");
   before.store(as_function<F*>(there), std::memory_order_relaxed);
 }
 void come_first() {
@@ -127,7 +134,8 @@ extern "C" ssize_t recvmsg(int socket, msghdr* message, int flags) {
   // Longer than the buffer, it is cut: Cyclone sees that by itself.
   auto* const begin = static_cast<std::uint8_t*>(message->msg_iov[0].iov_base);
   const auto size = std::min(static_cast<std::size_t>(received), message->msg_iov[0].iov_len);
-  if (size < 4 || std::memcmp(begin, "RTPS", 4) != 0 || rtps_is_safe({begin, size})) return received;
+  if (size < 4 || std::memcmp(begin, "RTPS", 4) != 0) return received;
+  if (rtps_is_safe({begin, size}) && numbers.take({begin, size}, now_ns())) return received;
   refused.fetch_add(1, std::memory_order_relaxed);
   constexpr std::size_t header_alone = 20;
   if (size < header_alone) return received;

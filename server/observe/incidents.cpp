@@ -37,7 +37,13 @@ std::vector<Incident> Incidents::look(std::int64_t now_ns, const LoopCounters& c
   };
   const std::uint32_t rose = counters.status & ~d.last.status, fell = ~counters.status & d.last.status;
   if (fell & status_disarmed) say(LogLevel::info, "armed", "armed");
-  if (rose & status_disarmed) say(LogLevel::info, "disarmed", "disarmed");
+  if (rose & status_disarmed && counters.silent)
+    say(LogLevel::warning, "disarmed",
+        "disarmed: no state of its client came for 100 ms (it or its machine stands still, its keys ended, "
+        "or "
+        "its network lost them); it is armed again when its client lets go (enable false) and asks");
+  else if (rose & status_disarmed)
+    say(LogLevel::info, "disarmed", "disarmed");
   if (rose & status_rival)
     say(LogLevel::error, "second_daemon",
         "conflict: another daemon, or somebody who plays one, writes this device's forces; neither serves "

@@ -17,6 +17,7 @@ namespace hapticd {
 struct LoopCounters {
   std::uint32_t device_id = 0;
   std::uint32_t status = 1;  // of the newest force; bit 0: disarmed (haptic/device.h)
+  bool silent = false;       // … because no state of its client came
   std::uint64_t deadline_misses = 0, missed = 0, refused = 0, conflicts = 0, solver_caps = 0,
                 contacts_dropped = 0;
   std::uint64_t overruns = 0, references_failed = 0, recording_dropped = 0;

@@ -27,6 +27,19 @@ TEST(Incidents, ArmedDisarmedAndLatchedAreAlwaysSaid) {
   EXPECT_EQ(gone[1].event, "latched");
 }
 
+// One whose client let go is no warning.
+TEST(Incidents, ASilentClientIsSaidToBeOne) {
+  Incidents incidents;
+  incidents.look(0, {.device_id = 3, .status = 0});
+  const auto silent = incidents.look(s, {.device_id = 3, .status = status_disarmed, .silent = true});
+  ASSERT_EQ(silent.size(), 1u);
+  EXPECT_EQ(silent[0].level, LogLevel::warning);
+  EXPECT_NE(silent[0].message.find("no state of its client came for 100 ms"), std::string::npos);
+  incidents.look(2 * s, {.device_id = 3, .status = 0});
+  EXPECT_EQ(incidents.look(3 * s, {.device_id = 3, .status = status_disarmed})[0].message,
+            "device 3: disarmed");
+}
+
 TEST(Incidents, ASecondDaemonIsSaidWhenItIsHeard) {
   Incidents incidents;
   incidents.look(0, {.device_id = 3, .status = 0});
