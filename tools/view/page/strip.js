@@ -180,7 +180,7 @@ export class Strip {
     const of = id => this.bodies.find(b => b.id === id)?.name ?? id;
     const bases = (health?.bodies ?? []).map(b => [
       `base of ${escape(of(b.body))}`,
-      !b.awake ? 'asleep' : `${b.reference_age} steps old${b.error ? `, off ${b.error.toExponential(0)}` : ''}${b.degraded ? ', degraded' : ''}`]);
+      !b.awake ? 'asleep' : `${b.reference_age} steps old${b.error ? `, off\u00a0${b.error.toExponential(0).replace("-", "\u2011")}` : ''}${b.degraded ? ', degraded' : ''}`]);
     $('tissue').innerHTML = rows([
       ['elements removed', `<b id="removed">${device.removed}</b>`],
       ['fragments aspirated', device.aspirated],
