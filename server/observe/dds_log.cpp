@@ -102,7 +102,9 @@ void end_period(std::int64_t now_ns) {
   if (const std::uint64_t refused = packets_refused(); refused > period.packets_said) {
     const std::uint64_t more = refused - period.packets_said;
     log(LogLevel::warning, "packets_refused",
-        std::to_string(more) + " packets were refused: no DDS would send them, and some would end Cyclone",
+        std::to_string(more) +
+            " packets were refused: no DDS would send them; some would end Cyclone, or make it deaf to a "
+            "client",
         {{"count", more}, {"total", refused}});
     period.packets_said = refused;
   }

@@ -72,7 +72,10 @@ void DeviceClient::count(const hapticd_msg_ForceCommand& force, std::int64_t now
 
   if (counting_.load(std::memory_order_acquire)) {
     const std::int64_t k = book_.slot_of(force.echo_number);
-    if (k < 0) return;
+    if (k < 0) {  // of a latched device: the state that it answers may be somebody else's
+      status_seen_.fetch_or(force.status & status_latched, std::memory_order_relaxed);
+      return;
+    }
     status_seen_.fetch_or(force.status, std::memory_order_relaxed);
     if (book_.answer(k, now_ns)) answers_[static_cast<std::size_t>(k)] = force;
   } else if (is_new && force.state_age_us >= 0 &&

@@ -296,7 +296,8 @@ std::string fault_of(const Played& played, const SessionOptions& options) {
   if (answered >= options.min_answered) return "";
   return "only " + fixed(100 * answered, 1) + " % of the slots " +
          (played.machine ? "that no stall of the machine struck " : "") + "were answered, " +
-         fixed(100 * options.min_answered, 1) + " % are asked for";
+         fixed(100 * options.min_answered, 1) + " % are asked for" +
+         (client.status_seen() & status_latched ? "; the daemon latched the device, its log says why" : "");
 }
 
 int finish(const Session& session, const SessionOptions& options, const nlohmann::ordered_json& json,
