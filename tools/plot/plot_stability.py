@@ -72,6 +72,18 @@ def draw_grasps(points, path):
     save_panels(figure, panels, path)
 
 
+def unit(mode):
+    """Of the parameter, as its words have it in brackets: of what breaks first, of the bound, of what is asked."""
+    found = re.search(r"\[([^\]]+)\]", mode["parameter"])
+    return found.group(1) if found else ""
+
+
+def axis_of(mode):
+    """The parameter's first words, with its unit wherever that is."""
+    words = mode["parameter"].split(",")[0]
+    return words if "[" in words or not unit(mode) else f"{words} [{unit(mode)}]"
+
+
 def draw_limits(axes, mode):
     """What was judged over the value that was made worse; what lies below the axis sits on it, hollow."""
     judged = {who: [(p["value"], p[who]["judged"]) for p in mode["points"] if who in p] for who in ("naive", "default")}
@@ -94,7 +106,7 @@ def draw_limits(axes, mode):
         axes.text(mode["analytic_bound"], 1.07, "bound", transform=axes.get_xaxis_transform(), ha="center", fontsize=8)
     narrow = mode["swept"][1] < 8 * mode["swept"][0]
     axes.set(xscale="linear" if narrow else "log", yscale="log",
-             xlabel="\n".join(textwrap.wrap(mode["parameter"].split(",")[0], 42)),
+             xlabel="\n".join(textwrap.wrap(axis_of(mode), 42)),
              ylabel="\n".join(textwrap.wrap(mode["judged"], 36)), ylim=(bottom, None))
     if not narrow and mode["swept"][1] < 100 * mode["swept"][0]:  # powers of ten alone would be one or two ticks
         ticks, apart = [], (mode["swept"][1] / mode["swept"][0]) ** (1 / 7)
@@ -120,7 +132,7 @@ def draw_traces(axes, mode):
         limit = 3 * max(map(abs, trace["default"]["y"]), default=0) or 1
         reach = max(map(abs, every))
         axes.set(ylim=(-min(limit, 1.1 * reach) if min(every) < 0 else -0.05 * min(limit, reach), min(limit, 1.1 * reach)))
-    axes.set_title(f"at {mode['trace_value']:.4g}", fontsize=9, loc="left")
+    axes.set_title(f"at {mode['trace_value']:.4g} {unit(mode)}", fontsize=9, loc="left")
     axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=2, fontsize=9)
 
 
@@ -154,12 +166,6 @@ def draw_mode(mode, path):
     figure.tight_layout()
     figure.savefig(path)
     plt.close(figure)
-
-
-def unit(mode):
-    """Of the parameter, as its words have it in brackets: of what breaks first, of the bound, of what is asked."""
-    found = re.search(r"\[([^\]]+)\]", mode["parameter"])
-    return found.group(1) if found else ""
 
 
 def shown(value, of):
