@@ -1,4 +1,5 @@
 #include "server/dds/rtps_check.h"
+#include "server/dds/rtps_numbers.h"
 
 #include <vector>
 
@@ -17,6 +18,10 @@ void fuzz_rtps(FuzzInput input) {
   longer.insert(longer.end(), nothing, nothing + 4);
   longer.insert(longer.end(), input.begin() + 20, input.end());
   demand(rtps_is_safe(longer), "a message stays safe with an empty submessage before the others");
+  // Numbers may be any; the header alone has none.
+  RtpsNumbers numbers;
+  numbers.take(input, 1);
+  demand(numbers.take(input.first(20), 2), "a header without a submessage is taken");
 }
 
 }  // namespace hapticd
