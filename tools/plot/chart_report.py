@@ -47,6 +47,11 @@ def percent(value, digits=2):
     return f"{100 * value:.{digits}f}"
 
 
+def small(value):
+    """A power of ten that no line breaks in two."""
+    return f"{value:.0e}".replace("-", "\u2011")
+
+
 def table(head, rows):
     return scrolled([text(h) for h in head], [(kind, [text(c) for c in row]) for kind, row in rows])
 
@@ -197,7 +202,7 @@ def says(name, data):
     if name == "warping":
         worst = {how: max((p["w_rel_error"] for p in data["points"] if (p["shape"], p["method"], p["warping"]) == ("turning", "zone", how)),
                           default=None) for how in ("none", "piece")}
-        return (f"a body turned as a whole: off by {percent(worst['none'], 0)} % as it was made, {worst['piece']:.0e} turned along"
+        return (f"a body turned as a whole: off by {percent(worst['none'], 0)} % as it was made, {small(worst['piece'])} turned along"
                 if None not in worst.values() else "")
     if name == "lcp":
         own = [p for p in data["points"] if p["solver"] == "hybrid"]

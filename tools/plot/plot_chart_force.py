@@ -173,7 +173,8 @@ def draw_spectrum(data, traces, path):
         axes.axvspan(FELT, 500, color="#f1f2f4", lw=0, zorder=0)
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="force error [mN/√Hz]", xlim=(None, 500))
         axes.set_title(name, loc="left", fontsize=10)
-    panels[0].legend(fontsize=8.5, title="shaded: felt as buzz, above 30 Hz", title_fontsize=8.5, loc="lower left")
+    panels[0].legend(fontsize=8.5, title="shaded: felt as buzz, above 30 Hz", title_fontsize=8.5, loc="lower left", frameon=True,
+                     framealpha=0.85, edgecolor="none")
     figure.set_layout_engine("constrained")
     figure.savefig(path)
     plt.close(figure)

@@ -22,13 +22,16 @@ th:first-child, td:first-child { text-align: left; } th { font-weight: 600; whit
 tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: var(--quiet); }
 table.verdict { margin: 1rem 0; } table.verdict td { text-align: left; white-space: normal; }
 .bad { color: var(--bad); font-weight: 600; } .dim { color: var(--quiet); } a { color: var(--accent); }
-/* On a narrow page a picture keeps the size at which its words can be read, and scrolls; --w is its own width. */
+/* A wide table or picture takes what the window has beside the text; --w is the picture's own width. */
+figure, .scroll { margin-left: 50%; transform: translateX(-50%); }
+figure { width: max(100%, min(var(--w), 94rem, 100vw - 3rem)); } .scroll { overflow-x: auto; width: min(94rem, 100vw - 3rem); }
+/* On a narrow page a picture keeps the size at which its words can be read, and scrolls as tables do, whose first
+   column takes several lines. */
 @media (max-width: 60rem) {
   figure { overflow-x: auto; } figure img { max-width: none; width: max(0.7 * var(--w), min(100%, var(--w))); }
+  td:first-child { white-space: normal; min-width: 11rem; }
 }
-@media (max-width: 44rem) { td:first-child { white-space: normal; min-width: 8rem; } }
-/* A wide table takes what the window has beside the text; where that is not enough, it scrolls. */
-.scroll { overflow-x: auto; width: min(94rem, 100vw - 3rem); margin-left: 50%; transform: translateX(-50%); }
+@media (max-width: 44rem) { td:first-child { min-width: 8rem; } }
 """
 
 
