@@ -43,7 +43,8 @@ class Told final : public HapticDevice {
     if (deed_ == "caught" || deed_ == "uncaught") throw std::runtime_error("the cable is out");
     // The driver's thread stands meanwhile.
     if (deed_ == "terminate_elsewhere") std::thread([] { throw std::runtime_error("nobody's"); }).join();
-    if (deed_ == "abort") std::abort();
+    held_ = deed_ == "abort_held";
+    if (deed_ == "abort" || held_) std::abort();
     if (deed_ == "fault") raise(SIGSEGV);
     if (deed_ == "exit") std::exit(0);
     if (deed_ == "signal") raise(SIGTERM);
@@ -53,6 +54,7 @@ class Told final : public HapticDevice {
     return true;
   }
   void write(const Feel& feel) override {
+    while (held_) ::pause();  // a lock of its own
     force_ = std::hypot(feel.force[0], feel.force[1], feel.force[2]);
     const Written w{monotonic_ns(), force_, feel.status};
     if (::write(file_, &w, sizeof w) != sizeof w) std::_Exit(99);
@@ -62,6 +64,7 @@ class Told final : public HapticDevice {
   int file_;
   std::string deed_;
   double enough_, force_ = 0;
+  bool held_ = false;
 };
 
 // The other process (below), which the tests start.
@@ -227,6 +230,12 @@ INSTANTIATE_TEST_SUITE_P(Deeds, DriverEnds,
                                          std::pair{"fault", -SIGSEGV}, std::pair{"exit", 0},
                                          std::pair{"exit_elsewhere", 0}, std::pair{"signal", 0}),
                          [](const auto& test) { return std::string(test.param.first); });
+
+// Whoever looks for its reason finds the crash, not the second that it was given.
+TEST_F(DriverLimits, ACrashWhoseLastWriteHangsEndsByItsOwnSignal) {
+  const FakeDaemon daemon(id_, 100);
+  EXPECT_EQ(start("abort_held")->wait(20'000), -SIGABRT);
+}
 
 // The last force stands for 10 ms at most, and as much as the machine makes a slot late.
 TEST_F(DriverLimits, ASilentDaemonIsZeroWithinTenMilliseconds) {
