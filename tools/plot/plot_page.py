@@ -20,6 +20,7 @@ table { border-collapse: collapse; font-size: .86rem; margin: 1rem auto; }
 th, td { text-align: right; padding: .22rem .5rem; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { font-weight: 600; white-space: normal; vertical-align: bottom; }
 tr.chosen td { color: var(--accent); font-weight: 600; } tr.void td { color: var(--quiet); }
+.words { display: inline-block; max-width: 20rem; white-space: normal; } td:has(.words), th:has(.words) { text-align: left; }
 table.verdict { margin: 1rem 0; } table.verdict td { text-align: left; white-space: normal; }
 .bad { color: var(--bad); font-weight: 600; } .dim { color: var(--quiet); } a { color: var(--accent); }
 /* A wide table or picture takes what the window has beside the text; --w is the picture's own width. */

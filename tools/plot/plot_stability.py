@@ -216,7 +216,7 @@ def draw(data, folder):
     for mode in data["modes"]:
         name = f"<a href=\"#{text(mode['mode'])}\">{text(mode['mode'])}</a>"
         rows.append(("", [name] + [shown(mode[key], unit(mode)) for key in
-                                   ("naive_breaks_at", "default_breaks_at", "analytic_bound", "required")] + [verdict(mode)]))
+                                   ("naive_breaks_at", "default_breaks_at", "analytic_bound", "required")] + [f'<span class="words">{verdict(mode)}</span>']))
         sections.append(of_mode(mode, data, folder))
     if data.get("random"):
         keys = [k for k in data["random"][0] if k not in ("passivity_control", "status", "faults")]
@@ -233,7 +233,8 @@ def draw(data, folder):
             "the loop swings or makes energy. Grey is the naive method, orange the daemon. Below, the first value that "
             "breaks each (of stiffness and grasps the last sound one), in the unit of what was made worse; – means that "
             "none in the range did.</p>"
-            + scrolled(["mode", "naive breaks at", "daemon breaks at", "analytic bound", "required", "the daemon"], rows)
+            + scrolled(["mode", "naive breaks at", "daemon breaks at", "analytic bound", "required",
+                        '<span class="words">the daemon</span>'], rows)
             + "".join(sections))
     (folder / "stability.html").write_text(page("hapticd: stability", body), encoding="utf-8")
 
