@@ -94,6 +94,13 @@ struct ForceSample {
   double energy = 0;       // passivity observer: what the client put in less what it got [J]
 };
 
+// A spring between a hand and another one of its scene (limits.h). Off where there is none.
+struct Ghost {
+  int of = 0;            // the other instrument
+  double stiffness = 0;  // as the hand feels it [N/m]
+  double max_force = 0;  // [N]
+};
+
 // A device's limits and its map into the scene (config/devices/*.yaml).
 struct DeviceSettings {
   std::uint32_t id = 0;
@@ -110,6 +117,7 @@ struct DeviceSettings {
   Quat frame = Quat::Identity();  // device axes → scene axes
   Quat tool = Quat::Identity();   // instrument axes in the stylus frame
   std::optional<Pivot> pivot;     // through which the shaft passes, whatever the stylus says
+  std::optional<Ghost> ghost;
 };
 
 // Device pose to instrument pose in the scene, and a scene wrench (about the tip) back to the device.

@@ -328,10 +328,6 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
     d.present = X.present[i];
     contact = contact || render == Render::contact;
     ramping_up = ramping_up || verdict[i].status & status_ramping_up;
-  }
-
-  for (int i = 0; i < count; ++i) {
-    DeviceState& d = s.device[i];
     const bool on = X.present[i] && (d.watchdog.sample.buttons & pedal_aspiration) != 0;
     d.vacuum = pumped(instruments[i].port, d.vacuum, d.occlusion, on, period);
     d.occlusion = 0;  // until a solve says more
@@ -372,6 +368,9 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
       wrench = finite ? contact_wrench(*problem, i, verdict, device, options, s, answer[i]) : nan_wrench;
     else if (render == Render::damp)
       wrench = {-device.damping * d.watchdog.velocity, Vec3::Zero()};
+    // As far as the other's own force has risen.
+    if (render == Render::contact && device.ghost && X.present[device.ghost->of])
+      wrench.force += verdict[device.ghost->of].gain * ghost_force(device, X[i].p, X[device.ghost->of].p);
     if (!is_finite(wrench)) {
       answer[i] = not_finite(answer[i], d);
       continue;

@@ -1,6 +1,6 @@
 // One tick of the haptic loop as a pure function: the devices' states in, their forces out.
 //
-//   δ_free(X) → λ → wrench_i = J_iᵀλ → device axes and scale → blend → gain → limits → force
+//   δ_free(X) → λ → wrench_i = J_iᵀλ → device axes and scale → + ghost → blend → gain → limits → force
 //
 // One contact solve for all devices of a world; all else is each device's own: watchdog, scales, ramp,
 // limits, latch. It reads in this order: read, compute, filter, limit, check finite, answer. Every path to an

@@ -33,6 +33,13 @@ Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wren
           last.torque + within(change.torque, torque_step, hit)};
 }
 
+Vec3 ghost_force(const DeviceSettings& d, const Vec3& own, const Vec3& other) noexcept {
+  if (!d.ghost) return Vec3::Zero();
+  bool bounded = false;
+  const Vec3 pull = d.ghost->stiffness / d.position_scale * (d.frame.conjugate() * (other - own));
+  return within(pull, d.ghost->max_force, bounded);
+}
+
 void start_blend(Blend& blend, const Wrench& last) noexcept {
   blend.from = last;
   blend.left = 1;

@@ -1,7 +1,9 @@
-// The limits between any computed force and a hand: finite check, saturation, slew limit, blend.
+// The limits between any computed force and a hand: finite check, saturation, slew limit, blend; and a ghost,
+// which is bounded by itself.
 //
 //   saturation   F ← F · min(1, F_max / ‖F‖)                      direction kept
 //   slew         F ← F_last + ΔF · min(1, Ḟ_max T / ‖ΔF‖)         per tick sent, whatever time passed
+//   ghost        F = k d · min(1, F_g / ‖k d‖),  d = q_frameᵀ (p_other − p) / position_scale
 //   blend        F ← F + (F_before − F) · (1 − (t + T)/(5 ms + T))  after a removal or a stall
 //
 // The segment between two points of the ball ‖F‖ ≤ F_max lies in the ball, so slew after saturation obeys
@@ -33,6 +35,9 @@ struct Blend {
   Wrench from;
   double left = 0;  // 1 → 0
 };
+
+// From this hand's tip to the other's, both in the scene; zero without a ghost.
+Vec3 ghost_force(const DeviceSettings& device, const Vec3& own, const Vec3& other) noexcept;
 
 // From now on the force goes over from `last`; a blend under way is replaced.
 void start_blend(Blend& blend, const Wrench& last) noexcept;

@@ -191,6 +191,10 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   const InstrumentInputs& instruments = instrument_inputs_.back() = tick_->instruments(input.now_ns);
   for (int i = 0; i < devices(); ++i)
     device(i).history.push({intended, forces_[i], state.device[i].watchdog.sample.pose, instruments[i]});
+  if (copies_) {
+    copies_->back() = instruments;
+    copies_->publish();
+  }
   instrument_inputs_.publish();
   if (record_) record(input);
 

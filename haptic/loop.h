@@ -15,7 +15,7 @@
 // tick's intended time is the arrival, or the end of that wait. The step is told the time since the previous
 // tick, at most T: limits per second stay limits per second. Latencies count from the intended time.
 // Thread safety: start, stop and the constructor belong to one thread; statistics may be read by any; the
-// loop's thread alone reads `problems`, writes `instrument`, pushes to `history` and uses the port.
+// loop's thread alone reads `problems`, writes `instrument_inputs`, pushes to `history` and uses the port.
 // Guarantee: between start and stop the thread allocates nothing, takes no lock of its own and logs nothing.
 // The port answers for what it does in take and write. Errors: start throws std::runtime_error if it gets no
 // thread.
@@ -97,6 +97,10 @@ class HapticLoop {
   // for about 0.1 ms. Before start; the channel must outlive the loop.
   void capture_into(Channel<ContactCapture>& captures, std::uint64_t every);
 
+  // What the simulation is told is copied there too, for an edge (server/edge). Before start; the channel
+  // must outlive the loop.
+  void share_into(Channel<InstrumentInputs>& copies) noexcept { copies_ = &copies; }
+
   // Records what each tick's force came from; what does not fit is dropped and counted by the queue. Before
   // start; the queue must outlive the loop.
   void record_into(SpscQueue<TickRecord>& records);
@@ -106,12 +110,12 @@ class HapticLoop {
   // Returns after the last tick; the last force written is zero and disarmed. Idempotent.
   void stop() noexcept;
 
-  // While the simulation is exchanged, for one thread, between start and stop: no problem is taken, and forces
-  // go to zero within the slew limit. at_zero: they are there.
+  // While the simulation is exchanged, for one thread, between start and stop: no problem is taken, and
+  // forces go to zero within the slew limit. at_zero: they are there.
   void withhold(bool on) noexcept { withheld_.store(on, std::memory_order_release); }
   bool at_zero() const noexcept { return at_zero_.load(std::memory_order_acquire); }
-  // … the loop goes on with `next`, which takes over clients and arming. Returns what it had, once no tick uses
-  // that any more. next: made for the same devices; its settings and problems are used from here on.
+  // … the loop goes on with `next`, which takes over clients and arming. Returns what it had, once no tick
+  // uses that any more. next: made for the same devices; its settings and problems are used from here on.
   std::unique_ptr<HapticTick> exchange(std::unique_ptr<HapticTick> next);
 
   const LoopStatistics& statistics(int device = 0) const noexcept { return statistics_[device]; }
@@ -140,11 +144,12 @@ class HapticLoop {
   LoopDevice& device(int i) noexcept { return devices_[static_cast<std::size_t>(i)]; }
 
   std::vector<LoopDevice> devices_;
-  std::unique_ptr<HapticTick> tick_;    // the loop's thread alone uses it
+  std::unique_ptr<HapticTick> tick_;                          // the loop's thread alone uses it
   std::atomic<HapticTick*> next_{nullptr}, former_{nullptr};  // one at a time
   std::atomic<bool> withheld_{false}, at_zero_{false};
   EachInstrument<ForceSample> forces_;  // of the newest tick
   Channel<InstrumentInputs>& instrument_inputs_;
+  Channel<InstrumentInputs>* copies_ = nullptr;
   SpscQueue<TickRecord>* records_ = nullptr;
   std::unique_ptr<TickRecord> record_;  // where `records_` is
   Channel<ContactCapture>* captures_ = nullptr;

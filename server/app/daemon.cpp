@@ -41,9 +41,10 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
     const bool first = sessions_.empty();
     sessions_.push_back(std::make_unique<WorldSession>(
         scene, devices, participant_,
-        WorldSessionOptions{options.mode, realtime_core_, simulation_core_, static_cast<int>(sessions_.size()),
-                            first ? options.record : std::nullopt, first ? options.capture : std::nullopt,
-                            options.capture_every, first ? options.schedule : std::nullopt, options.haptics}));
+        WorldSessionOptions{options.mode, realtime_core_, simulation_core_,
+                            static_cast<int>(sessions_.size()), first ? options.record : std::nullopt,
+                            first ? options.capture : std::nullopt, options.capture_every,
+                            first ? options.schedule : std::nullopt, options.edge_devices, options.tank}));
   };
   add(devices_of(scene));
   for (const DeviceSettings& device : scene.more_devices) add({device});

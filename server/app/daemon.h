@@ -4,8 +4,8 @@
 //   start: simulations and haptic loops, then diagnostics;   stop: haptic loop first (the device feels zero),
 //   then simulation, then diagnostics (which drains what they left)
 //
-// Thread safety: one owner thread, but for metrics. Errors: the constructor and start throw std::runtime_error or
-// std::invalid_argument; a refused privilege is a Grant, not an error.
+// Thread safety: one owner thread, but for metrics. Errors: the constructor and start throw
+// std::runtime_error or std::invalid_argument; a refused privilege is a Grant, not an error.
 #pragma once
 
 #include <filesystem>
@@ -28,11 +28,13 @@ struct DaemonOptions {
   std::uint32_t domain = 0;
   LoopMode mode = LoopMode::tick;
   std::optional<std::filesystem::path> record;  // of the scene's instruments (world_session.h)
-  std::optional<std::filesystem::path> capture;  // a directory for contact problems (haptic/contact_capture.h)
-  std::uint64_t capture_every = 0;               // solves; 0: only those that end at a cap
+  std::optional<std::filesystem::path>
+      capture;                      // a directory for contact problems (haptic/contact_capture.h)
+  std::uint64_t capture_every = 0;  // solves; 0: only those that end at a cap
   std::optional<Security> security;
   std::optional<std::filesystem::path> schedule = {};  // of the scene's first device (schedule_file.h)
-  bool haptics = true;  // false: devices are at an edge (server/edge), this is the simulation half
+  std::vector<std::uint32_t> edge_devices = {};        // by id, answered at an edge (server/edge), not here
+  bool tank = true;                                    // beside an edge (world_session.h)
 };
 
 class Daemon {
@@ -44,10 +46,10 @@ class Daemon {
   void start();
   void stop() noexcept;
 
-  // The simulation from its start, of this scene or another one: devices are at zero meanwhile, and their forces
-  // rise in 100 ms with its first problem. Throws what making a world does, and std::runtime_error while a schedule
-  // or captures are written; the old world then goes on. make: called while the devices are at zero; a scene with the
-  // same device ids in the same order.
+  // The simulation from its start, of this scene or another one: devices are at zero meanwhile, and their
+  // forces rise in 100 ms with its first problem. Throws what making a world does, and std::runtime_error
+  // while a schedule or captures are written; the old world then goes on. make: called while the devices are
+  // at zero; a scene with the same device ids in the same order.
   void reset();
   void restart(const std::function<Scene()>& make);
 

@@ -16,15 +16,23 @@ HapticOptions haptic_of(const Scene& scene, const EdgeOptions& options) {
   return haptic;
 }
 
+EachInstrument<bool> elsewhere(const Scene& scene, const std::vector<std::uint32_t>& here) {
+  return here.empty() ? EachInstrument<bool>() : others_than(here, devices_of(scene));
+}
+
 std::string near_profile() { return read_dds_profile(default_dds_profile_name()); }
 
 }  // namespace
 
 EdgeSession::Device::Device(const DeviceSettings& of, const Participant& participant,
-                            const EdgeOptions& options, int core, Port* leader, const EdgeEnd& link)
-    : settings(of),
-      port(participant, of.id, options.mode == LoopMode::event, core, leader, link),
-      history(history_ticks) {}
+                            const EdgeOptions& options, int core, Port* leader, const EdgeEnd& link,
+                            RemoteHands* hands, int index)
+    : settings(hands ? in_scene(of) : of), history(history_ticks) {
+  if (hands)
+    remote.emplace(*hands, index, settings);
+  else
+    here.emplace(participant, of.id, options.mode == LoopMode::event, core, leader, link);
+}
 
 EdgeSession::EdgeSession(const Scene& scene, const EdgeOptions& options)
     : grants_{keep_malloc_pages(), lock_memory()},
@@ -33,7 +41,8 @@ EdgeSession::EdgeSession(const Scene& scene, const EdgeOptions& options)
       on_realtime_core_(std::in_place, realtime_core_),
       domain_(options.domain, near_profile()),
       participant_(domain_, options.security),
-      instruments_(shapes_of(scene)) {
+      instruments_(shapes_of(scene)),
+      at_simulation_(elsewhere(scene, options.devices)) {
   on_realtime_core_.reset();
   if (options.simulation_domain != options.domain) {
     const ScopedCore elsewhere(process_cores().front());  // its threads are not to hold up the haptic loop
@@ -41,25 +50,28 @@ EdgeSession::EdgeSession(const Scene& scene, const EdgeOptions& options)
     far_participant_.emplace(*far_domain_, options.security);
   }
   const std::vector<DeviceSettings> settings = devices_of(scene);
-  link_.emplace(
-      simulation_side(),
-      LinkSettings{settings.front().id, scene_mark(scene), static_cast<int>(settings.size()), realtime_core_},
-      inputs_, problems_);
+  link_.emplace(simulation_side(),
+                LinkSettings{settings.front().id, scene_mark(scene, at_simulation_),
+                             static_cast<int>(settings.size()), at_simulation_, realtime_core_},
+                inputs_, problems_, &others_);
   std::vector<LoopDevice> loop_devices;
-  for (const DeviceSettings& of : settings) {
-    Port* const leader = devices_.empty() ? nullptr : &devices_.front().port;
-    Device& d = devices_.emplace_back(of, participant_, options, realtime_core_, leader, *link_);
-    loop_devices.push_back({d.settings, d.port, d.history});
+  for (int i = 0; i < static_cast<int>(settings.size()); ++i) {
+    Port* const leader = devices_.empty() || !devices_.front().here ? nullptr : &*devices_.front().here;
+    Device& d =
+        devices_.emplace_back(settings[static_cast<std::size_t>(i)], participant_, options, realtime_core_,
+                              leader, *link_, at_simulation_[i] ? &hands_ : nullptr, i);
+    loop_devices.push_back({d.settings, d.port(), d.history});
   }
   haptic_.emplace(instruments_, loop_devices, haptic_of(scene, options), problems_, inputs_,
                   LoopTiming{.mode = options.mode});
   for (std::size_t i = 0; i < devices_.size(); ++i) {
     Device& d = devices_[i];
     std::optional<std::filesystem::path> record;
-    if (options.record) record = recordings_of(*options.record, scene)[i];
-    d.diagnostics.emplace(participant_, scene, haptic_->statistics(static_cast<int>(i)), d.snapshots,
-                          d.history, record,
-                          DiagnosticsScope{.device_id = d.settings.id, .shows_scene = false});
+    if (options.record && d.here) record = recordings_of(*options.record, scene)[i];
+    d.diagnostics.emplace(
+        participant_, scene, haptic_->statistics(static_cast<int>(i)), d.snapshots, d.history, record,
+        DiagnosticsScope{
+            .device_id = d.settings.id, .shows_scene = false, .shows_device = d.here.has_value()});
   }
   grants_.push_back(latency_.grant());
   grants_.push_back(core_isolation_.grant());
@@ -88,7 +100,10 @@ nlohmann::json EdgeSession::summary() const {
     const Device& d = devices_[i];
     nlohmann::json j = loop_summary(haptic_->statistics(static_cast<int>(i)));
     j["device_id"] = d.settings.id;
-    j["foreign_forces"] = d.port.foreign_forces();
+    if (d.here)
+      j["foreign_forces"] = d.here->foreign_forces();
+    else
+      j["answered_by"] = "simulation";
     j["recorded"] = d.diagnostics->recorded();
     j["recording_lost"] = d.diagnostics->recording_lost();
     return j;

@@ -6,10 +6,10 @@
 //   link
 //
 // The same ports, loop, watchdogs, limits and solve as in a daemon (world_session.h); problems come from the
-// link (server/edge/edge_end.h) instead of a simulation thread. A second simulation for the same world is a
-// rival, as a second daemon is. Devices are in a DDS domain of this machine alone, which may be the
-// simulation's where that is on it too. Thread safety: one owner thread. Errors: the constructor and start
-// throw std::runtime_error.
+// link (server/edge/edge_end.h) instead of a simulation thread, and so do hands whose devices are answered
+// beside the simulation (remote_hand.h). A second simulation for the same world is a rival, as a second
+// daemon is. Devices are in a DDS domain of this machine alone, which may be the simulation's where that is
+// on it too. Thread safety: one owner thread. Errors: the constructor and start throw std::runtime_error.
 #pragma once
 
 #include <deque>
@@ -20,6 +20,7 @@
 
 #include "server/app/world_session.h"
 #include "server/edge/edge_end.h"
+#include "server/edge/remote_hand.h"
 #include "server/os/core_isolation.h"
 
 namespace hapticd {
@@ -33,6 +34,7 @@ struct EdgeOptions {
   std::optional<Security> security;             // of both domains
   bool tank = true;  // the rendering gives back no more than was put in (haptic/passivity.h)
   double late = 0;   // problems are felt until they are so old; 0: as in a daemon [s]
+  std::vector<std::uint32_t> devices = {};  // ids of those that are answered here; empty: all
 };
 
 class EdgeSession {
@@ -81,10 +83,16 @@ class EdgeSession {
   };
 
   struct Device {
+    // hands: none: answered here
     Device(const DeviceSettings& of, const Participant& participant, const EdgeOptions& options, int core,
-           Port* leader, const EdgeEnd& link);
+           Port* leader, const EdgeEnd& link, RemoteHands* hands, int index);
     const DeviceSettings settings;
-    Port port;
+    std::optional<Port> here;          // either …
+    std::optional<RemotePort> remote;  // … or
+    DevicePort& port() noexcept {
+      if (here) return *here;
+      return *remote;
+    }
     Channel<SceneSnapshot> snapshots;
     SpscQueue<ForceRecord> history;
     std::optional<Diagnostics> diagnostics;
@@ -104,7 +112,9 @@ class EdgeSession {
   std::optional<Domain> far_domain_;
   std::optional<Participant> far_participant_;
   const std::vector<Instrument> instruments_;
-  Channel<InstrumentInputs> inputs_;
+  const EachInstrument<bool> at_simulation_;
+  Channel<InstrumentInputs> inputs_, others_;
+  RemoteHands hands_{others_};
   Channel<CondensedProblem> problems_;
   std::optional<EdgeEnd> link_;
   std::deque<Device> devices_;

@@ -50,13 +50,17 @@ struct Arguments {
   std::uint32_t domain = 0;
   std::string device, record, capture, schedule, json, secure, log, metrics;
   std::uint64_t capture_every = 0;
-  bool force = false, open_network = false, no_haptics = false;
+  bool force = false, open_network = false, no_haptics = false, no_tank = false;
   std::vector<std::string> also;
+  std::vector<std::uint32_t> edge_devices;
   Network network;
 };
 
 void define(CLI::App& app, Arguments& a) {
-  app.footer("Example:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json");
+  app.footer(
+      "Examples:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json\n"
+      "  hapticd config/scenes/two_hands/two_hands.yaml --edge-devices 1    # the second hand is a mentor's, "
+      "elsewhere");
   app.set_version_flag("--version", std::string("hapticd ") + HAPTICD_VERSION);
   app.add_option("scene", a.scene, "The scene, a YAML file (config/README.md tells its keys)")->required();
   app.add_flag("--check", a.check,
@@ -119,6 +123,17 @@ void define_network(CLI::App& app, Arguments& a) {
                                          "mostly another machine (haptic edge)");
   for (const char* name : {"--record", "--capture", "--schedule", "--also", "--device"})
     no_haptics->excludes(app.get_option(name));
+  CLI::Option* at_edge = app.add_option("--edge-devices", a.edge_devices,
+                                        "Ids of instruments' devices that `haptic edge SCENE --devices "
+                                        "ID,ID` answers on another machine, "
+                                        "as a mentor's; the others are answered here")
+                             ->delimiter(',')
+                             ->excludes(no_haptics)
+                             ->type_name("ID");
+  for (const char* name : {"--schedule", "--also"}) at_edge->excludes(app.get_option(name));
+  app.add_flag("--no-tank", a.no_tank,
+               "With --edge-devices: do not hold back what a late pose of the other hand would give this one")
+      ->needs(at_edge);
   CLI::Option* interface =
       app.add_option(
              "--interface", a.network.interface,
@@ -262,6 +277,14 @@ bool logs_for_a_person(const Arguments& a) {
   return a.log.empty() ? a.check || isatty(STDERR_FILENO) : a.log == "human";
 }
 
+std::vector<std::uint32_t> edge_devices(const Arguments& a, const Scene& scene) {
+  if (!a.no_haptics) return a.edge_devices;
+  std::vector<std::uint32_t> all;
+  for (const SceneInstrument& held : scene.instruments) all.push_back(held.device.id);
+  for (const DeviceSettings& device : scene.more_devices) all.push_back(device.id);
+  return all;
+}
+
 int run(const Arguments& a) {
   const Notifier notifier;
   const bool human = logs_for_a_person(a);
@@ -271,6 +294,7 @@ int run(const Arguments& a) {
   check_outputs(a);
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
+  require_instruments_of(scene, a.edge_devices, "--edge-devices");
   check_recordings(a, scene);
   require_room_for(scene, a);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
@@ -293,12 +317,15 @@ int run(const Arguments& a) {
   const LoopMode mode = a.mode.empty()      ? scene.haptic_mode
                         : a.mode == "event" ? LoopMode::event
                                             : LoopMode::tick;
+  if (mode == LoopMode::event && !a.edge_devices.empty())
+    throw InputError(scene.file, 0, "haptic.mode",
+                     "event: beside an edge's device the loop ticks (--mode tick)");
   const auto path = [](const std::string& text) {
     return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
   };
   take_dds_log();
   Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security,
-                        path(a.schedule), !a.no_haptics});
+                        path(a.schedule), edge_devices(a, scene), !a.no_tank});
   daemon.start();
   announce(daemon.grants());
   std::optional<MetricsServer> metrics;

@@ -1,5 +1,6 @@
 #include "server/app/world_session.h"
 
+#include <algorithm>
 #include <future>
 #include <nlohmann/json.hpp>
 
@@ -21,7 +22,8 @@ nlohmann::json milliseconds(const HistogramSnapshot& h) {
           {"max", 1e-6 * static_cast<double>(h.max)}};
 }
 
-std::optional<std::filesystem::path> recording_of(const WorldSessionOptions& options, const Scene& scene, int i) {
+std::optional<std::filesystem::path> recording_of(const WorldSessionOptions& options, const Scene& scene,
+                                                  int i) {
   if (!options.record) return {};
   return recordings_of(*options.record, scene)[static_cast<std::size_t>(i)];
 }
@@ -52,33 +54,45 @@ std::vector<Grant> start_haptic_thread(HapticLoop& loop, int core) {
   return granted.get_future().get();
 }
 
-WorldSession::Device::Device(const DeviceSettings& of, const std::string& name, const Participant& participant,
-                             const WorldSessionOptions& options, DdsDevicePort* leader)
-    : settings(of),
-      instrument(name),
-      history(history_ticks) {
-  if (options.haptics)
+WorldSession::Device::Device(const DeviceSettings& of, const std::string& name,
+                             const Participant& participant, const WorldSessionOptions& options,
+                             DdsDevicePort* leader, RemoteHands* hands, int index)
+    : settings(of), instrument(name), history(history_ticks) {
+  if (hands)
+    remote.emplace(*hands, index, settings);
+  else
     dds.emplace(participant, of.id, options.mode == LoopMode::event, options.realtime_core, leader);
 }
 
 WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices,
                            const Participant& participant, const WorldSessionOptions& options)
-    : options_(options) {
-  for (std::size_t i = 0; i < devices.size(); ++i)
-    devices_.emplace_back(devices[i], scene.instruments[i].name, participant, options,
-                          devices_.empty() ? nullptr : devices_.front().leader());
+    : options_(options),
+      here_(others_than(options.edge_devices, devices)),
+      devices_here_(static_cast<int>(std::count(here_.value.begin(), here_.value.end(), true))) {
+  const std::vector<DeviceSettings> answered = as_answered(devices);
+  for (int i = 0; i < static_cast<int>(devices.size()); ++i)
+    devices_.emplace_back(answered[static_cast<std::size_t>(i)],
+                          scene.instruments[static_cast<std::size_t>(i)].name, participant, options,
+                          devices_.empty() ? nullptr : devices_.front().leader(),
+                          here_[i] ? nullptr : &hands_, i);
   now_ = simulated(scene);
-  haptic_.emplace(now_->world->instruments(), loop_devices(), haptic_options(scene), now_->problems, instruments_,
-                  LoopTiming{.mode = options.mode});
+  haptic_.emplace(now_->world->instruments(), loop_devices(), loop_options(scene), now_->problems,
+                  instruments_, LoopTiming{.mode = options.mode});
+  if (has_edge()) haptic_->share_into(own_);
   for (int i = 0; i < this->devices(); ++i) {
     Device& d = devices_[static_cast<std::size_t>(i)];
     d.diagnostics.emplace(participant, scene, haptic_->statistics(i), d.snapshots, d.history,
-                          recording_of(options, scene, i),
-                          DiagnosticsScope{d.settings.id, options.world == 0 && i == 0, options.haptics});
+                          here_[i] ? recording_of(options, scene, i) : std::nullopt,
+                          DiagnosticsScope{d.settings.id, options.world == 0 && i == 0, here_[i]});
   }
-  if (!options.haptics)
-    edge_.emplace(participant, LinkSettings{devices.front().id, scene_mark(scene), this->devices(), {}}, copies_,
-                  instruments_);
+  if (has_edge()) {
+    LinkSettings link{devices.front().id, scene_mark(scene, here_), this->devices(), here_, {}};
+    if (devices_here_ > 0) link.keep_off = options.realtime_core;
+    if (devices_here_ > 0)
+      edge_.emplace(participant, link, copies_, told_, &own_);
+    else
+      edge_.emplace(participant, link, copies_, instruments_);
+  }
   if (options.schedule) {
     schedule_.emplace(*options.schedule, scene, devices);
     now_->loop->record_into(schedule_->steps());
@@ -97,7 +111,7 @@ WorldSession::Simulated::Simulated(const Scene& of, PartTimes& times)
 std::unique_ptr<WorldSession::Simulated> WorldSession::simulated(const Scene& scene) {
   auto made = std::make_unique<Simulated>(scene, times_);
   made->loop.emplace(*made->world, times_, scene.rate, instruments_, made->problems, snapshots());
-  if (!options_.haptics) made->loop->share_into(copies_);
+  if (has_edge()) made->loop->share_into(copies_);
   return made;
 }
 
@@ -112,7 +126,21 @@ void WorldSession::rest() noexcept {
 void WorldSession::prepare(const Scene& scene, const std::vector<DeviceSettings>& devices) {
   next_ = simulated(scene);
   next_->loop->warm_up();
-  next_tick_ = std::make_unique<HapticTick>(next_->world->instruments(), devices, haptic_options(scene), next_->problems);
+  next_tick_ = std::make_unique<HapticTick>(next_->world->instruments(), as_answered(devices),
+                                            loop_options(scene), next_->problems);
+}
+
+// A late pose of the edge's may give a hand here what nobody put in.
+HapticOptions WorldSession::loop_options(const Scene& scene) const {
+  HapticOptions options = haptic_options(scene);
+  options.passivity_control = has_edge() && options_.tank;
+  return options;
+}
+
+std::vector<DeviceSettings> WorldSession::as_answered(std::vector<DeviceSettings> devices) const {
+  for (std::size_t i = 0; i < devices.size(); ++i)
+    if (!here_[static_cast<int>(i)]) devices[i] = in_scene(devices[i]);
+  return devices;
 }
 
 void WorldSession::commit() noexcept {
@@ -164,10 +192,8 @@ std::vector<Grant> WorldSession::start_loops() {
   prefault_heap(sample_heap);
   if (schedule_) schedule_->start(options_.realtime_core);
   start_simulation();
-  if (edge_) {
-    edge_->start();
-    return {};
-  }
+  if (edge_) edge_->start();
+  if (devices_here_ == 0) return {};
   return start_haptic_thread(*haptic_, options_.realtime_core);
 }
 
@@ -176,13 +202,14 @@ void WorldSession::start_diagnostics(const std::vector<Grant>& grants) {
 }
 
 void WorldSession::retune(int i, const DeviceTuning& tuning) noexcept {
+  if (!here_[i]) return;
   Channel<DeviceTuning>& tunings = devices_[static_cast<std::size_t>(i)].tunings;
   tunings.back() = tuning;
   tunings.publish();
 }
 
 std::uint64_t WorldSession::haptic_turns() const noexcept {
-  return edge_ ? edge_->turns() : haptic_->statistics(0).run.load(std::memory_order_relaxed);
+  return devices_here_ == 0 ? edge_->turns() : haptic_->statistics(0).run.load(std::memory_order_relaxed);
 }
 
 void WorldSession::stop() noexcept {
@@ -237,6 +264,7 @@ nlohmann::json WorldSession::summary(int i) const {
   const HistogramSnapshot step = s.step.snapshot();
   j["device_id"] = device_id(i);
   if (devices() > 1) j["instrument"] = device(i).instrument;
+  if (!here_[i]) j["answered_by"] = "edge";
   j["foreign_forces"] = device(i).foreign_forces();
   j["mode"] = options_.mode == LoopMode::event ? "event" : "tick";
   j["sim_rate_hz"] = s.rate_hz();

@@ -4,9 +4,10 @@
 // A world has one device an instrument; its haptic thread solves one contact problem for all of them. Each
 // device has its own port, watchdog, limits, statistics, recording and diagnostics. Sessions share the
 // process, the DDS participant and the scene's description, and nothing else: no channel, no queue and no
-// lock of ours is common to two of them. A scene's `more_devices` have a world each: several people at the
-// same scene, each with a copy of its tissue. Thread safety: one owner thread. Errors: the constructor and
-// start throw std::runtime_error or std::invalid_argument.
+// lock of ours is common to two of them. A device that an edge answers is in the problem as the edge tells of
+// it (remote_hand.h); nothing is written to it here. A scene's `more_devices` have a world each: several
+// people at the same scene, each with a copy of its tissue. Thread safety: one owner thread. Errors: the
+// constructor and start throw std::runtime_error or std::invalid_argument.
 #pragma once
 
 #include <deque>
@@ -17,6 +18,7 @@
 
 #include "server/app/simulation_loop.h"
 #include "server/dds/device_bridge.h"
+#include "server/edge/remote_hand.h"
 #include "server/edge/simulation_end.h"
 #include "server/observe/metrics.h"
 #include "server/os/realtime.h"
@@ -26,23 +28,16 @@ namespace hapticd {
 
 struct WorldSessionOptions {
   LoopMode mode = LoopMode::tick;
-  int realtime_core = 0;    // of the haptic thread
-  int simulation_core = 0;  // where it is another
-  int world = 0;            // the first one publishes the scene's geometry and updates
+  int realtime_core = 0;                          // of the haptic thread
+  int simulation_core = 0;                        // where it is another
+  int world = 0;                                  // the first one publishes the scene's geometry and updates
   std::optional<std::filesystem::path> record;    // of the first device; others': recordings_of
   std::optional<std::filesystem::path> capture;   // a directory for contact problems
   std::uint64_t capture_every = 0;                // solves; 0: only those that end at a cap
   std::optional<std::filesystem::path> schedule;  // a file for the run's schedule (schedule_file.h)
-  bool haptics = true;  // false: the haptic half is another process (server/edge)
-};
-
-// Where the haptic half is in another process: nobody, who takes nothing.
-class AbsentDevice final : public DevicePort {
- public:
-  bool take(std::int64_t, DeviceSample&) noexcept override { return false; }
-  std::int64_t await(std::int64_t, const EachInstrument<std::int64_t>&) noexcept override { return 0; }
-  Presence presence() const noexcept override { return {}; }
-  void write(const ForceSample&) noexcept override {}
+  // Of devices that another process answers (server/edge). All of the world's: there is no haptic loop here.
+  std::vector<std::uint32_t> edge_devices = {};
+  bool tank = true;  // beside an edge, the rendering gives back no more than was put in (haptic/passivity.h)
 };
 
 inline constexpr std::size_t history_ticks = 8192;  // 8 s of ticks may wait for a slow disk
@@ -69,10 +64,11 @@ class WorldSession {
 
   bool failed() const noexcept { return now_->loop->failed(); }
   const std::string& failure() const noexcept { return now_->loop->failure(); }
-  // Another world in place of this one, in four parts, by one thread alone. `rest` lets the devices' forces go to
-  // zero and ends the simulation; `prepare` makes the new world, and may throw; then either `commit` lets it go on,
-  // or `abandon` the old one. Clients, arming, limits, recordings and the haptic thread stay; forces rise in 100 ms
-  // with the first problem. Pre: no schedule and no capture is written; as many devices with the same ids.
+  // Another world in place of this one, in four parts, by one thread alone. `rest` lets the devices' forces
+  // go to zero and ends the simulation; `prepare` makes the new world, and may throw; then either `commit`
+  // lets it go on, or `abandon` the old one. Clients, arming, limits, recordings and the haptic thread stay;
+  // forces rise in 100 ms with the first problem. Pre: no schedule and no capture is written; as many devices
+  // with the same ids.
   void rest() noexcept;
   void prepare(const Scene& scene, const std::vector<DeviceSettings>& devices);
   void commit() noexcept;
@@ -97,13 +93,14 @@ class WorldSession {
 
  private:
   struct Device {
+    // hands: none: answered here
     Device(const DeviceSettings& of, const std::string& name, const Participant& participant,
-           const WorldSessionOptions& options, DdsDevicePort* leader);
+           const WorldSessionOptions& options, DdsDevicePort* leader, RemoteHands* hands, int index);
 
     const DeviceSettings settings;
-    const std::string instrument;  // its name
-    std::optional<DdsDevicePort> dds;  // none: the haptic half is elsewhere
-    AbsentDevice absent;
+    const std::string instrument;      // its name
+    std::optional<DdsDevicePort> dds;  // either …
+    std::optional<RemotePort> remote;  // … or
     Channel<SceneSnapshot> snapshots;
     Channel<DeviceTuning> tunings;
     SpscQueue<ForceRecord> history;
@@ -112,7 +109,7 @@ class WorldSession {
     DdsDevicePort* leader() noexcept { return dds ? &*dds : nullptr; }
     DevicePort& port() noexcept {
       if (dds) return *dds;
-      return absent;
+      return *remote;
     }
     std::uint64_t foreign_forces() const noexcept { return dds ? dds->foreign_forces() : 0; }
   };
@@ -127,6 +124,9 @@ class WorldSession {
   };
 
   std::unique_ptr<Simulated> simulated(const Scene& scene);
+  HapticOptions loop_options(const Scene& scene) const;
+  std::vector<DeviceSettings> as_answered(std::vector<DeviceSettings> devices) const;
+  bool has_edge() const noexcept { return devices_here_ < devices(); }
   void start_simulation();
 
   const Device& device(int i) const noexcept { return devices_[static_cast<std::size_t>(i)]; }
@@ -135,10 +135,14 @@ class WorldSession {
 
   const WorldSessionOptions options_;
   PartTimes times_{monotonic_ns};  // of the simulation's step
+  // Who is answered here; the others by the edge.
+  const EachInstrument<bool> here_;
+  const int devices_here_;
+  Channel<InstrumentInputs> instruments_, told_, own_;  // told_, own_: by the edge, to it
+  RemoteHands hands_{told_};
   std::deque<Device> devices_;
-  Channel<InstrumentInputs> instruments_;
   Channel<CondensedProblem> copies_;
-  std::optional<SimulationEnd> edge_;  // where the haptic half is in another process
+  std::optional<SimulationEnd> edge_;
   Channel<ContactCapture> captures_;
   std::optional<ScheduleRecorder> schedule_;
   std::unique_ptr<Simulated> now_, next_;

@@ -24,8 +24,8 @@ constexpr const char* words[] = {
     "problems of another version of hapticd are refused: use one version on both machines",
     "malformed problems are refused",
     "unsound problems are refused",
-    "the simulation runs another scene: give both the same scene file (with `model: auto`, pin "
-    "simulation.contact)",
+    "the simulation runs another scene, or answers other devices: give both the same scene file (with "
+    "`model: auto`, pin simulation.contact), and hapticd --edge-devices what haptic edge has as --devices",
     "the simulation has another edge: this one does not arm until that one is gone",
     "problems that come late or twice are refused",
     "problems from the future are refused: the clock of the simulation's machine was changed",
@@ -34,11 +34,13 @@ constexpr const char* words[] = {
 }  // namespace
 
 EdgeEnd::EdgeEnd(const Participant& participant, const LinkSettings& settings,
-                 Channel<InstrumentInputs>& instruments, Channel<CondensedProblem>& problems)
+                 Channel<InstrumentInputs>& instruments, Channel<CondensedProblem>& problems,
+                 Channel<InstrumentInputs>* others)
     : settings_(settings),
       edge_(own_number()),
       instruments_(instruments),
       problems_(problems),
+      others_(others),
       problem_reader_(participant),
       clock_reader_(participant),
       hands_(participant),
@@ -69,14 +71,27 @@ void EdgeEnd::run() {
 
 void EdgeEnd::hear_clock(std::int64_t now_ns) {
   clock_reader_.take_each([&](const hapticd_msg_EdgeClock& m, const dds_sample_info_t&) {
-    if (m.world != settings_.world || m.edge != edge_) return;
+    if (m.world != settings_.world || m.version != edge_version || m.edge != edge_) return;
     if (simulation_ != 0 && m.simulation != simulation_) return;
-    if (!clock_.note({m.sent_ns, m.received_ns, m.answered_ns, now_ns})) return;
-    offset_ns_.store(clock_.ns(), relaxed);
-    round_trip_ns_.store(clock_.round_trip_ns(), relaxed);
+    if (clock_.note({m.sent_ns, m.received_ns, m.answered_ns, now_ns})) {
+      offset_ns_.store(clock_.ns(), relaxed);
+      round_trip_ns_.store(clock_.round_trip_ns(), relaxed);
+    }
+    if (others_ && simulation_ != 0 && clock_.known() && m.number > newest_answer_) hear_others(m, now_ns);
   });
   clock_known_.store(clock_.known(), relaxed);
   error_ns_.store(clock_.known() ? clock_.error_ns(now_ns) : 0, relaxed);
+}
+
+// Those that are no hands change nothing.
+void EdgeEnd::hear_others(const hapticd_msg_EdgeClock& m, std::int64_t now_ns) {
+  const std::span<const hapticd_msg_EdgeHand> hands{m.hands._buffer, m.hands._length};
+  if (!are_hands(hands, settings_.instruments)) return;
+  newest_answer_ = m.number;
+  InstrumentInputs& all = others_->back() = read_hands(hands, clock_.ours(0), now_ns);
+  for (int i = 0; i < settings_.instruments; ++i)
+    if (!settings_.at_simulation[i]) all[i] = {};
+  others_->publish();
 }
 
 void EdgeEnd::hear_problems(std::int64_t now_ns) {
@@ -99,7 +114,7 @@ bool EdgeEnd::keep(std::uint64_t simulation, dds_instance_handle_t writer, std::
     if (simulation != simulation_) clock_.forget();
     writer_ = writer;
     simulation_ = simulation;
-    newest_number_ = 0;
+    newest_number_ = newest_answer_ = 0;
     simulations_.fetch_add(1, relaxed);
     log(LogLevel::info, "simulation", "a simulation is heard for device " + std::to_string(settings_.world),
         {{"device", settings_.world}});
@@ -159,15 +174,7 @@ void EdgeEnd::send_hands(std::int64_t now_ns) {
   m.number = ++hands_number_;
   for (int i = 0; clock_.known() && i < settings_.instruments; ++i) {
     const InstrumentInput& in = instruments_.front()[i];
-    hapticd_msg_EdgeHand& h = hands.emplace_back();
-    // What the simulation is told of an old state is that nobody is there.
-    h.present = in.present && now_ns - in.received_ns < hands_lost_ns;
-    for (int k = 0; k < 3; ++k) h.position[k] = in.X.p[k];
-    for (int k = 0; k < 4; ++k) h.orientation[k] = in.X.q.coeffs()[k];
-    h.buttons = in.buttons;
-    h.state_number = in.sequence;
-    h.received_ns = clock_.theirs(in.received_ns);
-    h.vacuum = in.vacuum;
+    hands.push_back(hand_message(in, !settings_.at_simulation[i], clock_.ours(0), now_ns));
   }
   m.hands = borrowed<decltype(m.hands)>(hands);
   m.sent_ns = monotonic_ns();

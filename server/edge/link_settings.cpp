@@ -9,6 +9,14 @@
 
 namespace hapticd {
 
+EachInstrument<bool> others_than(const std::vector<std::uint32_t>& ids,
+                                 const std::vector<DeviceSettings>& devices) {
+  EachInstrument<bool> others;
+  for (std::size_t i = 0; i < devices.size(); ++i)
+    others[static_cast<int>(i)] = std::find(ids.begin(), ids.end(), devices[i].id) == ids.end();
+  return others;
+}
+
 std::uint64_t own_number() {
   std::random_device random;
   return (std::uint64_t{random()} << 32 | random()) | 1;

@@ -6,7 +6,11 @@
 #include <functional>
 #include <optional>
 #include <thread>
+#include <vector>
 
+#include "haptic/device.h"
+#include "physics/contact/instruments.h"
+#include "server/edge/edge_hands.h"
 #include "server/edge/edge_topics.h"
 
 namespace hapticd {
@@ -15,11 +19,16 @@ struct LinkSettings {
   std::uint32_t world = 0;  // device id of the world's first instrument
   std::uint64_t scene = 0;  // scene_mark.h
   int instruments = 1;
+  EachInstrument<bool> at_simulation =
+      {};                       // whose devices are answered beside the simulation, not at the edge
   std::optional<int> keep_off;  // the core of a haptic thread
 };
 
-inline constexpr std::int64_t hands_lost_ns = 60'000'000;   // instruments are then not there
 inline constexpr std::int64_t edge_stays_ns = 500'000'000;  // a silent writer keeps its place
+
+// Of a world's devices those that the edge does not answer, whose ids are given.
+EachInstrument<bool> others_than(const std::vector<std::uint32_t>& ids,
+                                 const std::vector<DeviceSettings>& devices);
 
 // Of a process: another after each start, not 0.
 std::uint64_t own_number();

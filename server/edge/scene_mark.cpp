@@ -41,8 +41,9 @@ class Mark {
 
 }  // namespace
 
-std::uint64_t scene_mark(const Scene& scene) {
+std::uint64_t scene_mark(const Scene& scene, const EachInstrument<bool>& at_simulation) {
   Mark mark;
+  for (const bool there : at_simulation.value) mark.put(std::uint64_t{there});
   for (const SceneInstrument& i : scene.instruments) {
     mark.put(std::uint64_t{i.device.id});
     for (const Primitive& p : i.shape.primitives) mark.put(p);

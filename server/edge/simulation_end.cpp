@@ -1,7 +1,7 @@
 #include "server/edge/simulation_end.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "haptic/loop.h"
@@ -14,25 +14,21 @@ constexpr auto relaxed = std::memory_order_relaxed;
 constexpr std::int64_t look_ns = 500'000;  // for a new problem, where no hands come
 constexpr std::int64_t clock_every_ns = 20'000'000;
 constexpr std::int64_t say_every_ns = 10'000'000'000;
-constexpr double quaternion_tolerance = 1e-3;
-constexpr double farthest = 1e3;  // [m] a hand in the scene
 
-bool is_sound(const hapticd_msg_EdgeHand& h) noexcept {
-  double squares = 0;
-  for (const double q : h.orientation) squares += q * q;
-  for (const double p : h.position)
-    if (!(std::abs(p) <= farthest)) return false;
-  return std::abs(std::sqrt(squares) - 1) <= quaternion_tolerance && h.vacuum >= 0 && std::isfinite(h.vacuum);
+std::span<const hapticd_msg_EdgeHand> hands_of(const hapticd_msg_EdgeHands& m) noexcept {
+  return {m.hands._buffer, m.hands._length};
 }
 
 }  // namespace
 
 SimulationEnd::SimulationEnd(const Participant& participant, const LinkSettings& settings,
-                             Channel<CondensedProblem>& copies, Channel<InstrumentInputs>& instruments)
+                             Channel<CondensedProblem>& copies, Channel<InstrumentInputs>& told,
+                             Channel<InstrumentInputs>* own)
     : settings_(settings),
       simulation_(own_number()),
       copies_(copies),
-      instruments_(instruments),
+      told_(told),
+      own_(own),
       hands_(participant),
       problems_(participant),
       clock_(participant),
@@ -57,6 +53,8 @@ void SimulationEnd::run() {
     }
     if (present_ && now - heard_ns_ >= hands_lost_ns) lose_hands();
     if (copies_.acquire() && writer_ != 0) send();
+    const bool moved = own_ && own_->acquire();
+    if (writer_ != 0 && (moved || now - clock_ns_ >= clock_every_ns)) answer(now);
     turns_.fetch_add(1, relaxed);
   }
   lose_hands();
@@ -70,19 +68,16 @@ void SimulationEnd::hear(std::int64_t now_ns) {
       return;
     }
     heard_ns_ = now_ns;
+    asked_ns_ = m.sent_ns;
     newest_number_ = m.number;
     taken_.fetch_add(1, relaxed);
     tell(m, now_ns);
-    answer_clock(m, now_ns);
   });
 }
 
 bool SimulationEnd::admit(const hapticd_msg_EdgeHands& m, dds_instance_handle_t writer, std::int64_t now_ns) {
   if (m.version != edge_version || m.edge == 0) return false;
-  if (m.hands._length != 0 && m.hands._length != static_cast<std::uint32_t>(settings_.instruments))
-    return false;
-  for (std::uint32_t i = 0; i < m.hands._length; ++i)
-    if (!is_sound(m.hands._buffer[i])) return false;
+  if (!are_hands(hands_of(m), settings_.instruments)) return false;
   if (writer_ == 0) {
     writer_ = writer;
     edge_ = m.edge;
@@ -104,42 +99,41 @@ bool SimulationEnd::admit(const hapticd_msg_EdgeHands& m, dds_instance_handle_t 
 }
 
 void SimulationEnd::tell(const hapticd_msg_EdgeHands& m, std::int64_t now_ns) {
-  InstrumentInputs& all = instruments_.back();
-  all = {};
+  InstrumentInputs& all = told_.back() = read_hands(hands_of(m), 0, now_ns);
   present_ = false;
-  for (std::uint32_t i = 0; i < m.hands._length; ++i) {
-    const hapticd_msg_EdgeHand& h = m.hands._buffer[i];
-    InstrumentInput& in = all[static_cast<int>(i)];
-    in.X.p = Vec3(h.position[0], h.position[1], h.position[2]);
-    in.X.q = Quat(h.orientation[3], h.orientation[0], h.orientation[1], h.orientation[2]).normalized();
-    // What cannot be is not extrapolated from.
-    in.received_ns = std::clamp(h.received_ns, now_ns - hands_lost_ns, now_ns);
-    in.present = h.present && h.received_ns > now_ns - hands_lost_ns;
-    in.sequence = h.state_number;
-    in.buttons = in.present ? h.buttons : 0;
-    in.vacuum = in.present ? h.vacuum : 0;
-    present_ = present_ || in.present;
+  for (int i = 0; i < settings_.instruments; ++i) {
+    if (settings_.at_simulation[i]) all[i] = {};
+    present_ = present_ || all[i].present;
   }
-  instruments_.publish();
+  told_.publish();
 }
 
-void SimulationEnd::answer_clock(const hapticd_msg_EdgeHands& m, std::int64_t now_ns) {
-  if (now_ns - clock_ns_ < clock_every_ns) return;
+void SimulationEnd::answer(std::int64_t now_ns) {
   clock_ns_ = now_ns;
-  hapticd_msg_EdgeClock answer{};
-  answer.world = settings_.world;
-  answer.simulation = simulation_;
-  answer.edge = m.edge;
-  answer.sent_ns = m.sent_ns;
-  answer.received_ns = now_ns;
-  answer.answered_ns = monotonic_ns();
-  clock_.write(answer);
+  hapticd_msg_EdgeClock m{};
+  m.world = settings_.world;
+  m.version = edge_version;
+  m.simulation = simulation_;
+  m.edge = edge_;
+  m.number = ++answers_;
+  m.sent_ns = asked_ns_;
+  m.received_ns = heard_ns_;
+  std::array<hapticd_msg_EdgeHand, max_instruments> hands;
+  if (own_) {
+    for (int i = 0; i < settings_.instruments; ++i)
+      hands[static_cast<std::size_t>(i)] =
+          hand_message(own_->front()[i], settings_.at_simulation[i], 0, now_ns);
+    m.hands._buffer = hands.data();
+    m.hands._length = m.hands._maximum = static_cast<std::uint32_t>(settings_.instruments);
+  }
+  m.answered_ns = monotonic_ns();
+  clock_.write(m);
 }
 
 void SimulationEnd::lose_hands() {
   present_ = false;
-  instruments_.back() = {};
-  instruments_.publish();
+  told_.back() = {};
+  told_.publish();
 }
 
 void SimulationEnd::send() {

@@ -1,14 +1,16 @@
 // The simulation's end of the link to its edge: a thread that sends problems and hears hands.
 //
 //   copies → haptic/edge/problem        the newest problem, as long as an edge is heard
-//   haptic/edge/hands → instruments     what the simulation latches, in its own clock; and haptic/edge/clock
-//   back
+//   haptic/edge/hands → told            the edge's hands, in this machine's clock: what the simulation
+//   latches, or
+//                                       what the haptic loop beside it has of them (remote_hand.h)
+//   own → haptic/edge/clock             the answer, with the hands of that loop where there is one
 //
 // One edge at a time: the first heard keeps the world until it was silent for `edge_stays_ns`; hands of
 // others are refused and counted. Hands that are not finite, not unit, not of this version, too many or too
 // few, or whose number does not rise change nothing. Instruments are not there once no hands came for
 // `hands_lost_ns`. Thread safety: start and stop belong to one thread; statistics may be read by any; the
-// link's thread alone reads `copies` and writes `instruments`. Errors: the constructor throws
+// link's thread alone reads `copies` and `own` and writes `told`. Errors: the constructor throws
 // std::runtime_error with Cyclone's reason.
 #pragma once
 
@@ -18,6 +20,7 @@
 #include "haptic/channel.h"
 #include "haptic/haptic_step.h"
 #include "haptic/histogram.h"
+#include "server/edge/edge_hands.h"
 #include "server/edge/edge_problem.h"
 #include "server/edge/edge_topics.h"
 #include "server/edge/link_settings.h"
@@ -27,7 +30,8 @@ namespace hapticd {
 class SimulationEnd {
  public:
   SimulationEnd(const Participant& participant, const LinkSettings& settings,
-                Channel<CondensedProblem>& copies, Channel<InstrumentInputs>& instruments);
+                Channel<CondensedProblem>& copies, Channel<InstrumentInputs>& told,
+                Channel<InstrumentInputs>* own = nullptr);
   ~SimulationEnd();
   SimulationEnd(const SimulationEnd&) = delete;
   SimulationEnd& operator=(const SimulationEnd&) = delete;
@@ -45,22 +49,24 @@ class SimulationEnd {
   void hear(std::int64_t now_ns);
   bool admit(const hapticd_msg_EdgeHands& hands, dds_instance_handle_t writer, std::int64_t now_ns);
   void tell(const hapticd_msg_EdgeHands& hands, std::int64_t now_ns);
-  void answer_clock(const hapticd_msg_EdgeHands& hands, std::int64_t now_ns);
+  void answer(std::int64_t now_ns);
   void lose_hands();
   void send();
 
   const LinkSettings settings_;
   const std::uint64_t simulation_;  // this start's number
   Channel<CondensedProblem>& copies_;
-  Channel<InstrumentInputs>& instruments_;
+  Channel<InstrumentInputs>& told_;
+  Channel<InstrumentInputs>* const own_;
   Reader<hapticd_msg_EdgeHands> hands_;
   Writer<hapticd_msg_EdgeProblem> problems_;
   Writer<hapticd_msg_EdgeClock> clock_;
   LinkWait wait_;
   PackedProblem packed_;
   dds_instance_handle_t writer_ = 0;  // the edge's; 0: none
-  std::uint64_t edge_ = 0, newest_number_ = 0;
+  std::uint64_t edge_ = 0, newest_number_ = 0, answers_ = 0;
   std::uint64_t newest_step_ = 0, number_base_ = 0;  // of problems
+  std::int64_t asked_ns_ = 0;                        // by the edge's clock, when it sent what was heard last
   std::int64_t heard_ns_ = 0, clock_ns_ = 0, other_said_ns_ = 0;
   bool present_ = false;  // some instrument, as told last
 

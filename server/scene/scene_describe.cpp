@@ -37,9 +37,11 @@ double mean_edge(const TetMesh& mesh) {
 
 void describe_parts(std::string& out, const SceneBody& body) {
   for (const TissueRegion& r : body.regions)
-    line(out, "           region of %zu tetrahedra: E %.4g Pa, nu %.3g, density %.4g kg/m3, stretch %.3g %.3g %.3g",
-         r.tets.size(), r.material.young, r.material.poisson, r.material.density, r.stretch.x(), r.stretch.y(),
-         r.stretch.z());
+    line(
+        out,
+        "           region of %zu tetrahedra: E %.4g Pa, nu %.3g, density %.4g kg/m3, stretch %.3g %.3g %.3g",
+        r.tets.size(), r.material.young, r.material.poisson, r.material.density, r.stretch.x(), r.stretch.y(),
+        r.stretch.z());
   double stiffness = 0;
   int nodes = 0;
   for (const NodeSpring& spring : body.springs) {
@@ -87,8 +89,8 @@ void describe_primitive(std::string& out, const Primitive& p, bool tip) {
          1e3 * p.radius, 2e3 * p.half_length, tip ? " (tip)" : "");
 }
 
-// named: it is one of several.
-void describe_instrument(std::string& out, const SceneInstrument& held, bool named) {
+void describe_instrument(std::string& out, const SceneInstrument& held, const Scene& scene) {
+  const bool named = scene.instruments.size() > 1;
   const std::vector<Primitive>& primitives = held.shape.primitives;
   line(out, "instrument %s%zu primitives", named ? (held.name + ": ").c_str() : "", primitives.size());
   for (std::size_t i = 0; i < primitives.size(); ++i)
@@ -117,6 +119,10 @@ void describe_instrument(std::string& out, const SceneInstrument& held, bool nam
   if (d.pivot)
     line(out, "pivot      the shaft passes through (%.2f, %.2f, %.2f) mm, whatever the stylus says",
          1e3 * d.pivot->point.x(), 1e3 * d.pivot->point.y(), 1e3 * d.pivot->point.z());
+  if (d.ghost)
+    line(out, "ghost      a spring to %s: %.4g N/m at the device, at most %.3g N",
+         scene.instruments[static_cast<std::size_t>(d.ghost->of)].name.c_str(), d.ghost->stiffness,
+         d.ghost->max_force);
   const double felt = felt_stiffness(held);
   line(out, "felt       stiffness at most %.4g N/m (coupling x position x force)%s", felt,
        felt > 1.001 * held.device_stiffness ? ": MORE than the device displays stably" : "");
@@ -149,8 +155,7 @@ std::string describe(const Scene& scene) {
   for (const ContactPair& pair : scene.contacts)
     line(out, "touching   nodes of %s on faces of %s, friction %.3g", scene.bodies[pair.points].name.c_str(),
          scene.bodies[pair.faces].name.c_str(), pair.friction);
-  for (const SceneInstrument& held : scene.instruments)
-    describe_instrument(out, held, scene.instruments.size() > 1);
+  for (const SceneInstrument& held : scene.instruments) describe_instrument(out, held, scene);
   if (scene.instrument_friction > 0)
     line(out, "touching   instruments among themselves, friction %.3g", scene.instrument_friction);
   for (const DeviceSettings& more : scene.more_devices)

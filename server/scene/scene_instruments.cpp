@@ -156,7 +156,7 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
 
 SceneInstrument read_listed(const YamlMap& yaml, const std::string& device, const Scene& scene) {
   yaml.only({"name", "primitives", "tip", "blade", "port", "coupling", "removal", "device", "id", "mapping",
-             "trajectory"});
+             "trajectory", "ghost"});
   const std::string name = yaml.text("name");
   for (const SceneInstrument& other : scene.instruments)
     if (other.name == name) throw yaml.error("name", "'" + name + "' is another instrument's name already");
@@ -168,6 +168,23 @@ SceneInstrument read_listed(const YamlMap& yaml, const std::string& device, cons
                      std::to_string(held.device.id) + " is another device's id already" +
                          (yaml.has("id") ? "" : " (its file's: give this instrument an id of its own)"));
   return held;
+}
+
+// own: of scene.instruments, which all are read.
+Ghost read_ghost(const YamlMap& yaml, std::size_t own, const Scene& scene) {
+  yaml.only({"of", "stiffness", "max_force"});
+  const SceneInstrument& held = scene.instruments[own];
+  const int id = yaml.whole("of", 0, largest_id);
+  std::size_t of = 0;
+  while (of < scene.instruments.size() && scene.instruments[of].device.id != static_cast<std::uint32_t>(id))
+    ++of;
+  if (of == own || of == scene.instruments.size())
+    throw yaml.error("of", std::to_string(id) + (of == own ? " is this instrument's own device"
+                                                           : " is no device of another instrument's"));
+  const NumberRange displayed{0, held.device_stiffness, true, false,
+                              "newtons per metre at the device; at most what it displays stably"};
+  const NumberRange allowed{0, held.device.max_force, true, false, "newtons; at most the device's max_force"};
+  return {static_cast<int>(of), yaml.number("stiffness", displayed), yaml.number("max_force", allowed)};
 }
 
 // A device's limits by name or path, with an id of its own.
@@ -204,6 +221,9 @@ void read_several(const YamlMap& yaml, const std::string& device, Scene& scene) 
                                         std::to_string(most_instruments));
   for (const YamlMap& entry : entries)
     scene.instruments.push_back(read_listed(entry, scene.instruments.empty() ? device : "", scene));
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    if (entries[i].has("ghost"))
+      scene.instruments[i].device.ghost = read_ghost(entries[i].map("ghost"), i, scene);
   scene.instrument_friction = yaml.number("instrument_friction", between_instruments, 0);
 }
 
@@ -219,6 +239,21 @@ bool has_device(const Scene& scene, std::uint32_t id) {
   return std::any_of(scene.instruments.begin(), scene.instruments.end(),
                      [&](const SceneInstrument& held) { return has_id(held.device); }) ||
          std::any_of(scene.more_devices.begin(), scene.more_devices.end(), has_id);
+}
+
+void require_instruments_of(const Scene& scene, const std::vector<std::uint32_t>& ids,
+                            const std::string& option) {
+  for (const std::uint32_t id : ids) {
+    std::string known;
+    bool found = false;
+    for (const SceneInstrument& held : scene.instruments) {
+      found = found || held.device.id == id;
+      known += (known.empty() ? "" : ", ") + std::to_string(held.device.id);
+    }
+    if (!found)
+      throw InputError(scene.file, 0, option,
+                       std::to_string(id) + " is no instrument's device; there are: " + known);
+  }
 }
 
 void add_device(Scene& scene, const std::string& name) {

@@ -10,6 +10,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "server/scene/scene.h"
 
@@ -19,6 +20,10 @@ namespace hapticd {
 Scene read_scene(const std::filesystem::path& file, const std::string& device = "");
 
 bool has_device(const Scene& scene, std::uint32_t id);
+
+// Throws InputError, with the option's name as key, where an id is no instrument's device.
+void require_instruments_of(const Scene& scene, const std::vector<std::uint32_t>& ids,
+                            const std::string& option);
 
 // One more device by name or path, mapped as the scene's first, with the next free id.
 void add_device(Scene& scene, const std::string& name);

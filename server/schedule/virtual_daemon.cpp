@@ -21,6 +21,21 @@ bool publishes(StepAction a) {
   return a == StepAction::publish_interim || a == StepAction::publish || a == StepAction::publish_refresh;
 }
 
+std::vector<DeviceSettings> as_answered(std::vector<DeviceSettings> devices,
+                                        const std::function<bool(int)>& answered) {
+  for (std::size_t i = 0; i < devices.size(); ++i)
+    if (!answered(static_cast<int>(i))) devices[i] = in_scene(devices[i]);
+  return devices;
+}
+
+// Beside the simulation: all, where it is one loop.
+std::vector<DeviceSettings> answered_here(const std::vector<DeviceSettings>& devices,
+                                          const EachInstrument<bool>& at_simulation) {
+  bool any = false;
+  for (const bool there : at_simulation.value) any = any || there;
+  return as_answered(devices, [&](int i) { return !any || at_simulation[i]; });
+}
+
 }  // namespace
 
 VirtualTiming usual_timing(const World& world) {
@@ -35,9 +50,12 @@ VirtualDaemon::VirtualDaemon(std::unique_ptr<World> world, double rate, std::vec
       world_(std::move(world)),
       schedule_(*world_, period_of(rate), settings_.schedule),
       timing_(settings_.timing ? *settings_.timing : usual_timing(*world_)),
-      haptic_(world_->instruments(), std::move(devices), options, problems_),
+      haptic_(world_->instruments(), answered_here(devices, settings_.at_simulation), options, problems_),
       halves_(settings_.link ? std::make_unique<Halves>(*settings_.link) : nullptr),
       free_ns_(settings_.first_ns) {
+  const auto& there = settings_.at_simulation.value;
+  if (halves_ && std::find(there.begin(), there.end(), true) != there.end())
+    edge_ = std::make_unique<Edge>(world_->instruments(), devices, options, settings_.at_simulation);
   schedule_.warm_up(problem());
   schedule_.start(settings_.first_ns);
 }
@@ -81,8 +99,42 @@ void VirtualDaemon::advance(std::int64_t now_ns) {
   }
 }
 
+VirtualDaemon::Edge::Edge(Instruments instruments, const std::vector<DeviceSettings>& devices,
+                          const HapticOptions& options, const EachInstrument<bool>& at_simulation)
+    : haptic(instruments, as_answered(devices, [&](int i) { return !at_simulation[i]; }), options, problems) {
+  for (int i = 0; i < static_cast<int>(devices.size()); ++i)
+    port[i].emplace(at_simulation[i] ? hands_there : hands_here, i,
+                    in_scene(devices[static_cast<std::size_t>(i)]));
+}
+
+const DeviceState& VirtualDaemon::device_state(int i) const {
+  return (edge_ && !settings_.at_simulation[i] ? edge_->haptic : haptic_).state().device[i];
+}
+
+// Each loop has its own devices' states, and the others' hands as the link told.
+EachInstrument<ForceSample> VirtualDaemon::tick_both(const HapticInput& input) {
+  const std::int64_t now = input.now_ns;
+  if (halves_->hands.take(now, edge_->told_here.back())) edge_->told_here.publish();
+  if (edge_->others.take(now, edge_->told_there.back())) edge_->told_there.publish();
+  HapticInput here = input, there = input;
+  for (int i = 0; i < haptic_.device_count(); ++i) {
+    DeviceInput& remote = (settings_.at_simulation[i] ? there : here).device[i];
+    remote.taken = edge_->port[i]->take(now, remote.sample);
+    remote.presence = edge_->port[i]->presence();
+  }
+  EachInstrument<ForceSample> forces = haptic_.run(here);
+  const EachInstrument<ForceSample> at_edge = edge_->haptic.run(there);
+  for (int i = 0; i < haptic_.device_count(); ++i)
+    if (!settings_.at_simulation[i]) forces[i] = at_edge[i];
+  told_ = haptic_.instruments(now);
+  edge_->others.send(halves_->link.hands(now), told_);
+  halves_->hands.send(halves_->link.hands(now), edge_->haptic.instruments(now));
+  return forces;
+}
+
 EachInstrument<ForceSample> VirtualDaemon::tick(const HapticInput& input) {
   advance(input.now_ns);
+  if (edge_) return tick_both(input);
   const EachInstrument<ForceSample> forces = haptic_.run(input);
   tell(haptic_.instruments(input.now_ns));
   return forces;
@@ -92,8 +144,9 @@ EachInstrument<ForceSample> VirtualDaemon::tick(const HapticInput& input) {
 void VirtualDaemon::deliver(std::int64_t now_ns) {
   std::unique_ptr<CondensedProblem> arrived;
   if (!halves_ || !halves_->problems.take(now_ns, arrived)) return;
-  copy_in_use(*arrived, problems_.back());
-  problems_.publish();
+  Channel<CondensedProblem>& there = edge_ ? edge_->problems : problems_;
+  copy_in_use(*arrived, there.back());
+  there.publish();
 }
 
 void VirtualDaemon::tell(const InstrumentInputs& instruments) {
@@ -104,13 +157,13 @@ void VirtualDaemon::tell(const InstrumentInputs& instruments) {
 }
 
 const CondensedProblem* VirtualDaemon::newest() {
-  if (halves_) return halves_->made.step > 0 ? &halves_->made : nullptr;
+  if (is_whole_loop_away()) return halves_->made.step > 0 ? &halves_->made : nullptr;
   problems_.acquire();
   return haptic_.problem();
 }
 
 InstrumentSamples VirtualDaemon::latch() {
-  if (halves_) halves_->hands.take(free_ns_, told_);
+  if (is_whole_loop_away()) halves_->hands.take(free_ns_, told_);
   return samples_of(told_);
 }
 
@@ -128,6 +181,7 @@ void VirtualDaemon::publish(StepAction) {
       static_cast<std::size_t>(made.nodes);  // bytes: nearly those of a packed problem (edge_problem.h)
   const std::size_t bytes = 18 * nodes * nodes + 12 * static_cast<std::size_t>(made.samples);
   halves_->problems.send(halves_->link.problem(free_ns_, bytes), std::move(sent));
+  if (edge_) problems_.publish();
 }
 
 std::optional<ReferenceJob> VirtualDaemon::finished_reference() {

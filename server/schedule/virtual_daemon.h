@@ -17,6 +17,7 @@
 #include <memory>
 
 #include "haptic/haptic_tick.h"
+#include "server/edge/remote_hand.h"
 #include "server/scene/scene.h"
 #include "server/schedule/step_schedule.h"
 #include "server/schedule/virtual_link.h"
@@ -47,6 +48,9 @@ struct VirtualDaemonSettings {
   // What becomes of a problem on its way to the tick. Absent: nothing.
   std::function<void(CondensedProblem&)> carried;
   std::optional<LinkTrouble> link;  // between the halves (server/edge); absent: they are one process
+  // With a link: whose devices are answered beside the simulation, the others at the edge; none: all at the
+  // edge.
+  EachInstrument<bool> at_simulation = {};
 };
 
 class VirtualDaemon final : private StepHost {
@@ -71,8 +75,10 @@ class VirtualDaemon final : private StepHost {
   void schedule_removal(int body, std::vector<int> tets) { world_->schedule_removal(body, std::move(tets)); }
 
   const World& world() const { return *world_; }
-  World& world() { return *world_; }  // between ticks
-  const HapticTick& haptic() const { return haptic_; }
+  World& world() { return *world_; }                    // between ticks
+  const HapticTick& haptic() const { return haptic_; }  // of two, the one beside the simulation
+  // As who answers it has it.
+  const DeviceState& device_state(int i) const;
   const StepSchedule& schedule() const { return schedule_; }
   // Published last, or null; of two halves only right after the publication.
   const CondensedProblem* newest();
@@ -93,11 +99,25 @@ class VirtualDaemon final : private StepHost {
     Underway<InstrumentInputs> hands;
   };
 
+  // The edge, where another loop is beside the simulation.
+  struct Edge {
+    Edge(Instruments instruments, const std::vector<DeviceSettings>& devices, const HapticOptions& options,
+         const EachInstrument<bool>& at_simulation);
+    Channel<CondensedProblem> problems;
+    HapticTick haptic;
+    Underway<InstrumentInputs> others;
+    Channel<InstrumentInputs> told_here, told_there;
+    RemoteHands hands_here{told_here}, hands_there{told_there};
+    EachInstrument<std::optional<RemotePort>> port;  // in the loop that does not answer it
+  };
+
+  EachInstrument<ForceSample> tick_both(const HapticInput& input);
+  bool is_whole_loop_away() const { return halves_ && !edge_; }
   std::int64_t time_of(const PlannedAction& planned) const;
   void deliver(std::int64_t now_ns);
 
   InstrumentSamples latch() override;
-  CondensedProblem& problem() override { return halves_ ? halves_->made : problems_.back(); }
+  CondensedProblem& problem() override { return is_whole_loop_away() ? halves_->made : problems_.back(); }
   void publish(StepAction as) override;
   std::optional<ReferenceJob> finished_reference() override;
   void make_reference(ReferenceJob job) override;
@@ -110,6 +130,7 @@ class VirtualDaemon final : private StepHost {
   HapticTick haptic_;
   InstrumentInputs told_;
   std::unique_ptr<Halves> halves_;
+  std::unique_ptr<Edge> edge_;
   std::deque<Reference> references_;
   std::int64_t now_ns_ = 0;      // as far as time has passed
   std::int64_t free_ns_;         // the simulation's last action ended

@@ -5,6 +5,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 namespace hapticd {
 namespace {
 
@@ -68,6 +70,19 @@ TEST(Limits, ADeviceWithoutMaximaGetsNoForce) {
   bool hit = false;
   EXPECT_EQ(saturated(DeviceSettings{}, {Vec3(1, 1, 1), Vec3::Zero()}, hit).force, Vec3::Zero());
   EXPECT_EQ(slew_limited(DeviceSettings{}, {}, {Vec3(1, 1, 1), Vec3::Zero()}, 1e-3, hit).force, Vec3::Zero());
+}
+
+TEST(Limits, AGhostIsASpringAsTheHandFeelsItAndIsBounded) {
+  DeviceSettings device;
+  device.position_scale = 0.1;
+  device.frame = Quat(Eigen::AngleAxisd(std::numbers::pi / 2, Vec3::UnitZ()));
+  EXPECT_EQ(ghost_force(device, Vec3::Zero(), Vec3::UnitX()), Vec3::Zero());  // it has none
+  device.ghost = {.of = 1, .stiffness = 100, .max_force = 0.5};
+  // 0.2 mm in the scene are 2 mm of the hand; x of the scene is −y of the device.
+  const Vec3 own(1, 2, 3);
+  EXPECT_LT((ghost_force(device, own, own + Vec3(0.2e-3, 0, 0)) - Vec3(0, -0.2, 0)).norm(), 1e-12);
+  EXPECT_LT((ghost_force(device, own, own + Vec3(1, 0, 0)) - Vec3(0, -0.5, 0)).norm(), 1e-12);
+  EXPECT_EQ(ghost_force(device, own, own), Vec3::Zero());
 }
 
 TEST(Limits, AnyComponentThatIsNotFiniteIsSeen) {

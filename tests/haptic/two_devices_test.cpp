@@ -205,6 +205,47 @@ TEST_P(TwoDevices, ASecondClientAndARivalDaemonOfOneAreNothingToTheOther) {
 
 // Damping replaces both forces; who falls silent meanwhile is not put back into the tissue by the next
 // problem.
+// The ghost's spring would be 0.26 N long; the other's hand is 2.6 mm away.
+TEST_P(TwoDevices, AGhostIsBoundedAndGoesWithTheOtherWithinTheSlewLimit) {
+  constexpr double most = 4e-3;
+  Hands guided{0};
+  guided.device(a).ghost = {.of = b, .stiffness = 100, .max_force = most};
+  guided.press(0.4e-3, 0.5e-3);
+  const Vec3 ghost((b - a) * most, 0, 0);
+  // Towards the other, beside what the tissue says.
+  EXPECT_NEAR(guided.force[a].force.x() - together.x(), ghost.x(), 0.02 * most);
+  EXPECT_LT((guided.force[a].force - together).norm(), 1.02 * most);
+  EXPECT_EQ(guided.force[b].force, hands.force[b].force);
+  const auto lone = [&](int ticks, const std::function<void(DeviceInput&)>& does) {
+    for (int k = 0; k < ticks; ++k) {
+      guided.tick([&](HapticInput& in) { does(in.device[b]); });
+      ASSERT_LE((guided.force[a].force - guided.before[a].force).norm(), guided.step(a) * (1 + 1e-12));
+    }
+  };
+  // Silent, gone, or not armed; and back as its own force rises.
+  for (const auto& does : std::vector<std::function<void(DeviceInput&)>>{
+           [](DeviceInput& d) { d.taken = false; }, [](DeviceInput& d) { d.presence.connected = false; },
+           [](DeviceInput& d) { d.sample.enable = false; }}) {
+    lone(120, does);
+    EXPECT_LT((guided.force[a].force - alone).norm(), 1e-3 * alone.norm());
+    lone(2, [](DeviceInput& d) { d.sample.enable = false; });
+    lone(2, [](DeviceInput& d) { d.presence.new_client = true; });
+    lone(10, [](DeviceInput&) {});
+    EXPECT_LT(std::abs(guided.force[a].force.x() - together.x()), 0.5 * most);
+    lone(300, [](DeviceInput&) {});
+    EXPECT_NEAR(guided.force[a].force.x() - together.x(), ghost.x(), 0.02 * most);
+  }
+  // The other jumps as far as it may: no more than the slew limit is felt, no more than the bound is pulled.
+  guided.depth[b] = -1.4e-3;
+  lone(1, [](DeviceInput&) {});
+  // An old problem is damping alone.
+  guided.publish = false;
+  guided.tick({}, 70 * ms);
+  lone(100, [](DeviceInput&) {});
+  EXPECT_TRUE(guided.force[a].status & status_problem_old);
+  EXPECT_LT(guided.force[a].force.norm(), 1e-9);
+}
+
 TEST_P(TwoDevices, WhoFallsSilentWhileTheProblemIsOldIsNotInTheNextContact) {
   hands.publish = false;
   for (int n = 0; n < 100; ++n) hands.tick();

@@ -7,7 +7,8 @@
 
 namespace hapticd {
 
-inline std::string two_on_a_cube(const ScratchDirectory& scratch) {
+// keys: more of the left hand, "    key: value\n".
+inline std::string two_on_a_cube(const ScratchDirectory& scratch, const std::string& keys = "") {
   const auto hand = [](const char* name, int id, const char* x) {
     return std::string("  - name: ") + name +
            "\n    tip: tip\n    primitives:\n"
@@ -26,7 +27,7 @@ inline std::string two_on_a_cube(const ScratchDirectory& scratch) {
                       "    material: {young: 5.0e3, poisson: 0.45, density: 1000, rayleigh: {mass: 2.0, "
                       "stiffness: 2.0e-3}}\n"
                       "instruments:\n" +
-                          hand("left", 3, "-6.0e-3") + hand("right", 5, "6.0e-3"));
+                          hand("left", 3, "-6.0e-3") + keys + hand("right", 5, "6.0e-3"));
 }
 
 // 1.5 mm down onto the cube and up, in 1.2 s from `begin` on [s]. Device frame.

@@ -11,6 +11,7 @@
 
 #include "server/app/edge_session.h"
 #include "server/dds/network.h"
+#include "server/files/input_error.h"
 #include "server/files/output_file.h"
 #include "server/files/usage.h"
 #include "server/observe/incidents.h"
@@ -32,6 +33,7 @@ struct EdgeCommand {
   std::uint32_t domain = 0, simulation_domain = 0;
   double duration = 0, seconds = 0, late_ms = 0;
   bool force = false, tries = false, bare = false;
+  std::vector<std::uint32_t> devices;
 };
 
 LoopCounters counters_of(const EdgeSession& session, int device, std::uint32_t id) {
@@ -128,11 +130,16 @@ int run(const EdgeCommand& o) {
   const bool human = o.log.empty() ? isatty(STDERR_FILENO) != 0 : o.log == "human";
   set_log_format(human ? LogFormat::human : LogFormat::json);
   const Scene scene = read_scene(o.scene);
+  require_instruments_of(scene, o.devices, "--devices");
   check_outputs(o, scene);
   if (o.tries) return try_scene(o, scene);
   EdgeOptions options{
       .domain = o.domain, .simulation_domain = o.simulation_domain, .record = {}, .security = {}};
   options.mode = o.mode.empty() ? scene.haptic_mode : o.mode == "event" ? LoopMode::event : LoopMode::tick;
+  if (options.mode == LoopMode::event && !o.devices.empty())
+    throw InputError(scene.file, 0, "haptic.mode",
+                     "event: beside a hand elsewhere the loop ticks (--mode tick)");
+  options.devices = o.devices;
   options.tank = !o.bare;
   options.late = 1e-3 * o.late_ms;
   if (!o.record.empty()) options.record = o.record;
@@ -171,6 +178,12 @@ Command add_edge(CLI::App& application) {
                   "DDS domain of the simulation: in the network of --interface, or on this machine too")
       ->check(CLI::Range(0, 230))
       ->capture_default_str();
+  app->add_option(
+         "--devices", o->devices,
+         "answer the instruments with these device ids alone, as a mentor's; the others' are answered by "
+         "`hapticd SCENE --edge-devices ID,ID`, with the same ids")
+      ->delimiter(',')
+      ->type_name("ID");
   app->add_option("--duration", o->duration, "end after so many seconds; 0: run until a signal")
       ->check(not_negative);
   app->add_option("--mode", o->mode, "instead of the scene's haptic.mode")
@@ -208,6 +221,8 @@ Command add_edge(CLI::App& application) {
       "                      # on 10.0.0.1: hapticd cube.yaml --no-haptics --domain 1 --interface eth0 "
       "--peers 10.0.0.2 "
       "--open-network\n"
+      "  hapticd two_hands.yaml --edge-devices 1 --domain 1 & haptic edge two_hands.yaml --devices 1 "
+      "--simulation-domain 1    # a mentor's hand\n"
       "  haptic edge cube.yaml --try");
   return {app, [o] { return run(*o); }};
 }

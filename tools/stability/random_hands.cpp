@@ -103,6 +103,7 @@ class Episode {
   HandsDaemonSettings daemon_settings(const RandomSettings& of, std::uint64_t seed) {
     HandsDaemonSettings settings{.passivity_control = of.passivity_control,
                                  .link = of.link,
+                                 .at_simulation = of.at_simulation,
                                  .problem_old = of.problem_old,
                                  .begun = [this] { watch_.begin_step(daemon_.world().bodies()); }};
     if (settings.link) settings.link->seed = seed;
@@ -149,7 +150,7 @@ class Episode {
     const Vec3 moved = hand.state.x - hand.before;
     energy_ -= answer.force.dot(moved);
     energy_by_force_ -= answer.force.dot(moved);
-    const DeviceState& rendered = daemon_.haptic().device[i];
+    const DeviceState& rendered = daemon_.device(i);
     report_.controlled_force_max = std::max(report_.controlled_force_max, rendered.controlled.norm());
     report_.controlled_force_rms += rendered.controlled.squaredNorm();
     report_.controlled_work -= rendered.controlled.dot(moved);

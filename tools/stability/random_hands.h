@@ -27,8 +27,9 @@ struct RandomSettings {
   std::int64_t episode = 40'000;
   std::uint64_t seed = 1;
   bool passivity_control = false;
-  std::optional<LinkTrouble> link;  // hands_daemon.h; an episode's seed is its own
-  double problem_old = 0;           // …
+  std::optional<LinkTrouble> link;          // hands_daemon.h; an episode's seed is its own
+  EachInstrument<bool> at_simulation = {};  // …
+  double problem_old = 0;                   // …
 };
 
 struct RandomReport : TrialTally {

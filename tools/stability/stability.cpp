@@ -148,6 +148,11 @@ bool linked(const char*, StabilityBench& bench, const Settings& settings, Stabil
   return chart_link(bench, settings, chart, progress);
 }
 
+bool mentored(const char*, StabilityBench& bench, const Settings& settings, StabilityChart& chart,
+              const ModeProgress& progress) {
+  return chart_mentor(bench, settings, chart, progress);
+}
+
 struct Entry {
   const char* name;
   bool (*run)(const char* name, StabilityBench&, const Settings&, StabilityChart&, const ModeProgress&);
@@ -185,6 +190,7 @@ constexpr Entry entries[] = {
     {"two hands", charted<chart_two_hands>, 60},
     {"one hand late", swept<plan_one_late>, 3},
     {"link", linked, 60},
+    {"mentor", mentored, 120},
     {"random", strayed, 50},
     {"carve", carved, 50},
     {"random two", strayed_together, 100},
@@ -264,6 +270,7 @@ StabilityChart chart_stability(const Scene& cube, const StabilitySettings& setti
     join("random_two", chart.random_two, part.random_two);
     join("random_cuts", chart.random_cuts, part.random_cuts);
     join("links", chart.links, part.links);
+    join("mentors", chart.mentors, part.mentors);
   }
   return chart;
 }

@@ -52,6 +52,14 @@ struct LinkPoint {
   Largest displayed, displayed_bare;
 };
 
+// A trainee's hand beside the simulation, a mentor's at an edge over a link, in one tissue: what both ends
+// together make.
+struct MentorPoint {
+  LinkTrouble link;
+  bool ghost = false;  // each hand has one of the other
+  RandomReport tanked, bare;
+};
+
 struct StabilityChart {
   ShardLedger shard;                // a unit is a mode
   std::vector<StiffnessPoint> map;  // over the device's damping
@@ -63,6 +71,7 @@ struct StabilityChart {
   std::vector<RandomReport> random_two;  // two hands, then the first of them alone
   std::vector<RandomReport> random_cuts;
   std::vector<LinkPoint> links;
+  std::vector<MentorPoint> mentors;
 };
 
 struct StabilitySettings {

@@ -106,6 +106,13 @@ bool print(const StabilityChart& chart) {
     for (const std::string& f : p.tanked.faults) std::printf("  with the tank: %s\n", f.c_str());
     for (const std::string& f : p.bare.faults) std::printf("  without: %s\n", f.c_str());
   }
+  for (const MentorPoint& p : chart.mentors) {
+    std::printf("mentor's hand over %g ± %g ms, loss %g %%%s: made %.3f µJ with the tanks, %.3f without\n",
+                1e3 * p.link.delay, 1e3 * p.link.jitter, 100 * p.link.loss, p.ghost ? ", ghosts" : "",
+                1e6 * p.tanked.made_by_force, 1e6 * p.bare.made_by_force);
+    for (const std::string& f : p.tanked.faults) std::printf("  with the tanks: %s\n", f.c_str());
+    for (const std::string& f : p.bare.faults) std::printf("  without: %s\n", f.c_str());
+  }
   for (const RandomReport& r : chart.random_two) all = print(r) && all;
   for (const RandomReport& r : chart.random_cuts) all = print(r) && all;
   return all;
@@ -171,7 +178,7 @@ Command add_stability(CLI::App& application) {
   app->add_flag("--dds", options->dds, "the stiffness mode over DDS too: starts daemons of its own");
   app->add_flag("--quick", options->settings.quick, "wider steps, one device damping: half a minute");
   app->add_option("--ticks", options->settings.random_ticks,
-                  "of random, carve, random two and random cuts, default a million")
+                  "of random, carve, random two, random cuts and link, default a million; of mentor, 160000")
       ->check(positive);
   app->add_option("--seed", options->settings.random_seed,
                   "of the first episode of random (40 000 ticks), carve (100 000) and random cuts (8 000); "

@@ -197,6 +197,17 @@ nlohmann::ordered_json to_json(const LinkPoint& p) {
       {"no_tank", to_json(p.bare)}};
 }
 
+nlohmann::ordered_json to_json(const MentorPoint& p) {
+  return {{"delay_ms", rounded(1e3 * p.link.delay, 3)},
+          {"jitter_ms", rounded(1e3 * p.link.jitter, 3)},
+          {"loss", p.link.loss},
+          {"ghost", p.ghost},
+          {"energy_made_j", p.tanked.made_by_force},
+          {"energy_made_untanked_j", p.bare.made_by_force},
+          {"tank", to_json(p.tanked)},
+          {"no_tank", to_json(p.bare)}};
+}
+
 }  // namespace
 
 nlohmann::ordered_json to_json(const DdsPress& p) {
@@ -218,8 +229,10 @@ nlohmann::ordered_json to_json(StabilityChart& chart, bool quick) {
   json["command"] = "stability";
   json["quick"] = quick;
   chart.shard.prepare(
-      json, {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "links", "modes"},
-      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "links"});
+      json,
+      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "links", "mentors",
+       "modes"},
+      {"map", "grasps", "random", "carve", "two_hands", "random_two", "random_cuts", "links", "mentors"});
   for (const StiffnessPoint& p : chart.map) json["map"].push_back(to_json(p));
   for (const StiffnessPoint& p : chart.grasps) json["grasps"].push_back(to_json(p));
   for (const RandomReport& r : chart.random) json["random"].push_back(to_json(r));
@@ -228,6 +241,7 @@ nlohmann::ordered_json to_json(StabilityChart& chart, bool quick) {
   for (const RandomReport& r : chart.random_two) json["random_two"].push_back(to_json(r));
   for (const RandomReport& r : chart.random_cuts) json["random_cuts"].push_back(to_json(r));
   for (const LinkPoint& p : chart.links) json["links"].push_back(to_json(p));
+  for (const MentorPoint& p : chart.mentors) json["mentors"].push_back(to_json(p));
   json["modes"] = nlohmann::ordered_json::array();
   for (const StabilityMode& m : chart.modes) json["modes"].push_back(to_json(m));
   chart.shard.note(json);

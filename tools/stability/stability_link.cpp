@@ -6,9 +6,10 @@
 namespace hapticd {
 namespace {
 
-constexpr double stiff_scale = 16;  // about 500 N/m displayed
-constexpr double felt_until = 0.5;  // problems so old, with the tank and in what it is compared with [s]
-constexpr double most_made = 1e-6;  // [J]
+constexpr double stiff_scale = 16;    // about 500 N/m displayed
+constexpr double felt_until = 0.5;    // problems so old, with the tank and in what it is compared with [s]
+constexpr double most_made = 1e-6;    // [J]
+constexpr double most_by_two = 1e-5;  // … by two hands; a ghost of 1 N does 300 µJ in a millisecond
 
 constexpr LinkTrouble links[] = {{0, 0, 0},          {1e-3, 0, 0},          {5e-3, 0, 0},
                                  {5e-3, 2e-3, 0.05}, {20e-3, 0, 0},         {20e-3, 5e-3, 0.05},
@@ -19,6 +20,53 @@ Scene strayed_scene(const Scene& cube) {
   scene.first().device.force_scale = stiff_scale;
   scene.first().removal = {};  // it presses
   return scene;
+}
+
+// About a place of the cube that no other hand comes to.
+StrayingHand hand_beside(double x) {
+  StrayingHand hand = cube_hand();
+  hand.begin.tip.x() = x;
+  hand.next = [x, next = hand.next](Chance& chance, const StrayPlace& from) {
+    StrayPlace place = next(chance, from);
+    place.tip.x() = x + place.tip.x() / 3;
+    return place;
+  };
+  return hand;
+}
+
+// ghosts: 50 N/m, at most 1 N; the hands are 8 to 20 mm apart.
+Scene shared_scene(const Scene& cube, bool ghosts) {
+  Scene scene = strayed_scene(cube);
+  scene.instruments.push_back(scene.first());
+  scene.instruments[1].name = "mentor";
+  scene.instruments[1].device.id += 1;
+  for (int i = 0; ghosts && i < 2; ++i)
+    scene.instruments[static_cast<std::size_t>(i)].device.ghost = {
+        .of = 1 - i, .stiffness = 50, .max_force = 1};
+  return scene;
+}
+
+std::vector<LinkTrouble> links_of(const StabilitySettings& settings) {
+  if (settings.quick) return {links[0], links[4], links[6]};
+  return {std::begin(links), std::end(links)};
+}
+
+RandomSettings random_of(const StabilitySettings& settings, std::int64_t quick, std::int64_t usual) {
+  RandomSettings random;
+  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? quick : usual;
+  random.seed = settings.random_seed;
+  random.problem_old = felt_until;
+  return random;
+}
+
+void judge(double delay, const RandomReport& tanked, const RandomReport& bare, StabilityMode& mode) {
+  const double ms = std::max(1e3 * delay, 1e-3), most = 1e-6 * mode.plan.limit;
+  if (bare.made_by_force > most && mode.naive_breaks_at == 0) mode.naive_breaks_at = ms;
+  if (tanked.made_by_force > most && mode.default_breaks_at == 0) {
+    mode.default_breaks_at = ms;
+    mode.survives = false;
+  }
+  mode.survives = mode.survives && tanked.faults.empty();
 }
 
 }  // namespace
@@ -36,15 +84,11 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
   mode.plan.required = 200;
   mode.survives = true;
   const Scene scene = strayed_scene(bench.scene());
-  RandomSettings random;
-  random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 20'000 : 1'000'000;
-  random.seed = settings.random_seed;
-  random.problem_old = felt_until;
+  RandomSettings random = random_of(settings, 20'000, 1'000'000);
   ClosedLoopSettings press = bench.press();
   press.let_go = press.guided = true;
   press.press.hold = 1;  // five round trips at 100 ms
-  std::vector<LinkTrouble> tried(std::begin(links), std::end(links));
-  if (settings.quick) tried = {links[0], links[4], links[6]};
+  const std::vector<LinkTrouble> tried = links_of(settings);
   const std::size_t count = tried.size();
   for (std::size_t k = 0; k < count; ++k) {
     bool on = true;
@@ -73,16 +117,47 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
                         [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); }, 4);
       if (!part(tank ? 0.8 : 1, 0)(0)) return false;
     }
-    const double ms = 1e3 * tried[k].delay;
-    if (p.bare.made_by_force > most_made && mode.naive_breaks_at == 0)
-      mode.naive_breaks_at = std::max(ms, 1e-3);
-    if (p.tanked.made_by_force > most_made && mode.default_breaks_at == 0) {
-      mode.default_breaks_at = std::max(ms, 1e-3);
-      mode.survives = false;
-    }
-    mode.survives = mode.survives && p.tanked.faults.empty();
+    judge(tried[k].delay, p.tanked, p.bare, mode);
     chart.links.push_back(std::move(p));
   }
+  chart.modes.push_back(std::move(mode));
+  return true;
+}
+
+bool chart_mentor(StabilityBench& bench, const StabilitySettings& settings, StabilityChart& chart,
+                  const ModeProgress& progress) {
+  StabilityMode mode;
+  mode.mode = "mentor";
+  mode.plan.parameter = "delay of the link between two hands, one way [ms]";
+  mode.plan.naive = "hands and problems felt however late, without the tanks";
+  mode.plan.ours = "the same with a tank at each end";
+  mode.plan.judged = "energy made by two hands that stray, of both ends together [µJ]";
+  mode.plan.limit = 1e6 * most_by_two;
+  mode.plan.reason = "200 ms: another continent";
+  mode.plan.required = 200;
+  mode.survives = true;
+  const std::vector<LinkTrouble> tried = links_of(settings);
+  RandomSettings random = random_of(settings, 4'000, 160'000);
+  random.at_simulation[0] = true;
+  const double parts = 4 * static_cast<double>(tried.size());
+  double done = 0;
+  for (const LinkTrouble& link : tried)
+    for (const bool ghosts : {false, true}) {
+      MentorPoint p;
+      p.link = random.link.emplace(link);
+      p.ghost = ghosts;
+      for (const bool tank : {true, false}) {
+        bool on = true;
+        random.passivity_control = tank;
+        (tank ? p.tanked : p.bare) =
+            run_random(shared_scene(bench.scene(), ghosts), {hand_beside(-6e-3), hand_beside(6e-3)}, random,
+                       [&](double f) { return on = progress((done + f) / parts); });
+        if (!on) return false;
+        done += 1;
+      }
+      judge(link.delay, p.tanked, p.bare, mode);
+      chart.mentors.push_back(std::move(p));
+    }
   chart.modes.push_back(std::move(mode));
   return true;
 }

@@ -8,6 +8,11 @@
 
 namespace hapticd {
 
+// The same with two hands, each answered at its end (server/edge/README.md, a mentor's hand), with ghosts and
+// without: the energy is that of both ends.
+bool chart_mentor(StabilityBench& bench, const StabilitySettings& settings, StabilityChart& chart,
+                  const ModeProgress& progress);
+
 bool chart_link(StabilityBench& bench, const StabilitySettings& settings, StabilityChart& chart,
                 const ModeProgress& progress);
 

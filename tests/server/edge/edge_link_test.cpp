@@ -18,7 +18,7 @@ namespace hapticd {
 namespace {
 
 constexpr std::int64_t ms = 1'000'000;
-constexpr LinkSettings settings{.world = 3, .scene = 99, .instruments = 1, .keep_off = {}};
+const LinkSettings settings{.world = 3, .scene = 99, .instruments = 1, .keep_off = {}};
 
 void pause(int milliseconds) { std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds)); }
 
@@ -37,12 +37,12 @@ std::unique_ptr<CondensedProblem> some_problem() {
 struct Simulation {
   Participant participant;
   Channel<CondensedProblem> copies;
-  Channel<InstrumentInputs> inputs;
+  Channel<InstrumentInputs> inputs, own;
   SimulationEnd end;
   std::uint64_t number = 0;
 
   explicit Simulation(const Domain& domain, const LinkSettings& of = settings)
-      : participant(domain), end(participant, of, copies, inputs) {
+      : participant(domain), end(participant, of, copies, inputs, of.at_simulation[0] ? &own : nullptr) {
     end.start();
   }
   void publish() {
@@ -56,12 +56,12 @@ struct Simulation {
 
 struct Edge {
   Participant participant;
-  Channel<InstrumentInputs> inputs;
+  Channel<InstrumentInputs> inputs, others;
   Channel<CondensedProblem> problems;
   EdgeEnd end;
 
   explicit Edge(const Domain& domain, const LinkSettings& of = settings)
-      : participant(domain), end(participant, of, inputs, problems) {
+      : participant(domain), end(participant, of, inputs, problems, &others) {
     end.start();
   }
   void hold(const Vec3& p, std::int64_t age_ns = 0) {
@@ -77,6 +77,18 @@ struct Edge {
     return end.summary().at("problems_refused").at(why).get<std::uint64_t>();
   }
   std::uint64_t taken() const { return end.summary().at("problems_taken").get<std::uint64_t>(); }
+};
+
+// A writer that says what it likes.
+struct Liar {
+  Participant participant;
+  Writer<hapticd_msg_EdgeProblem> problems;
+  Writer<hapticd_msg_EdgeHands> hands;
+  Writer<hapticd_msg_EdgeClock> clock;
+  PackedProblem packed;
+
+  explicit Liar(const Domain& domain)
+      : participant(domain), problems(participant), hands(participant), clock(participant) {}
 };
 
 struct EdgeLink : testing::Test {
@@ -122,6 +134,68 @@ TEST_F(EdgeLink, HandsArriveInTheSimulationsTimeAndGoWithSilence) {
   EXPECT_NEAR(1e-6 * static_cast<double>(in.received_ns), 1e-6 * static_cast<double>(monotonic_ns()), 100);
   edge.end.stop();
   EXPECT_TRUE(soon([&] { return simulation.inputs.acquire() && !simulation.inputs.front()[0].present; }));
+}
+
+// A mentor's edge: device 1 is answered there, device 0 beside the simulation.
+TEST_F(EdgeLink, EachSideHearsTheHandsOfTheOther) {
+  LinkSettings both = settings;
+  both.instruments = 2;
+  both.at_simulation[0] = true;
+  Simulation simulation(domain, both);
+  Edge edge(domain, both);
+  const auto hold = [](Channel<InstrumentInputs>& inputs, const Vec3& p) {
+    for (int i = 0; i < 2; ++i) {
+      InstrumentInput& in = inputs.back()[i];
+      in.present = true;
+      in.X.p = p;
+      in.received_ns = monotonic_ns();
+    }
+    inputs.publish();
+  };
+  ASSERT_TRUE(soon([&] {
+    simulation.publish();
+    hold(simulation.own, Vec3(1, 2, 3));
+    hold(edge.inputs, Vec3(4, 5, 6));
+    simulation.inputs.acquire();
+    edge.others.acquire();
+    return simulation.inputs.front()[1].present && edge.others.front()[0].present;
+  }));
+  EXPECT_EQ(edge.others.front()[0].X.p, Vec3(1, 2, 3));
+  EXPECT_EQ(simulation.inputs.front()[1].X.p, Vec3(4, 5, 6));
+  // Neither is told of its own.
+  EXPECT_FALSE(edge.others.front()[1].present);
+  EXPECT_FALSE(simulation.inputs.front()[0].present);
+  // A hand whose loop stands is not told of for long, though its link goes on.
+  EXPECT_TRUE(soon([&] {
+    hold(edge.inputs, Vec3(4, 5, 6));
+    edge.others.acquire();
+    return !edge.others.front()[0].present;
+  }));
+  EXPECT_TRUE(simulation.inputs.acquire() && simulation.inputs.front()[1].present);
+}
+
+TEST_F(EdgeLink, AHandOfA100MillisecondsAgoIsThereWithItsAge) {
+  Simulation simulation(domain);
+  Liar liar(domain);
+  hapticd_msg_EdgeHand hand{};
+  hand.present = true;
+  hand.orientation[3] = 1;
+  hapticd_msg_EdgeHands m{};
+  m.world = settings.world;
+  m.version = edge_version;
+  m.edge = 12;
+  m.hands._buffer = &hand;
+  m.hands._length = m.hands._maximum = 1;
+  EXPECT_TRUE(soon([&] {
+    ++m.number;
+    m.sent_ns = monotonic_ns();
+    hand.received_ns = m.sent_ns - 100 * ms;
+    liar.hands.write(m);
+    return simulation.inputs.acquire() && simulation.inputs.front()[0].present;
+  }));
+  const std::int64_t age = monotonic_ns() - simulation.inputs.front()[0].received_ns;
+  EXPECT_GE(age, 100 * ms);
+  EXPECT_LE(age, 200 * ms);
 }
 
 TEST_F(EdgeLink, AnotherScenesProblemsAreRefused) {
@@ -181,18 +255,6 @@ TEST_F(EdgeLink, ASimulationThatBeginsAgainCountsOn) {
   EXPECT_GT(edge.problems.front().step, before);
 }
 
-// A writer that says what it likes.
-struct Liar {
-  Participant participant;
-  Writer<hapticd_msg_EdgeProblem> problems;
-  Writer<hapticd_msg_EdgeHands> hands;
-  Writer<hapticd_msg_EdgeClock> clock;
-  PackedProblem packed;
-
-  explicit Liar(const Domain& domain)
-      : participant(domain), problems(participant), hands(participant), clock(participant) {}
-};
-
 struct LyingSimulation : EdgeLink {
   Edge edge{domain};
   Liar liar{domain};
@@ -204,8 +266,14 @@ struct LyingSimulation : EdgeLink {
   void turn(const std::function<void(hapticd_msg_EdgeProblem&)>& edit) {
     listener.take_each([&](const hapticd_msg_EdgeHands& m, const dds_sample_info_t&) {
       edge_number = m.edge;
-      hapticd_msg_EdgeClock c{settings.world,           7, m.edge, m.sent_ns, monotonic_ns() + ahead_ns,
-                              monotonic_ns() + ahead_ns};
+      hapticd_msg_EdgeClock c{};
+      c.world = settings.world;
+      c.version = edge_version;
+      c.simulation = 7;
+      c.edge = m.edge;
+      c.number = m.number;
+      c.sent_ns = m.sent_ns;
+      c.received_ns = c.answered_ns = monotonic_ns() + ahead_ns;
       liar.clock.write(c);
     });
     auto problem = some_problem();

@@ -91,6 +91,32 @@ TEST_F(SceneInstruments, EachHasItsOwnKeys) {
   EXPECT_TRUE(has_device(scene, 0) && has_device(scene, 7) && !has_device(scene, 1));
 }
 
+TEST_F(SceneInstruments, AGhostIsOfAnotherHandAndWithinItsDevice) {
+  const std::string list = tissue + "instruments:\n" + entry("trainee", 1);
+  const auto with = [&](const std::string& keys) {
+    std::string guided = entry("mentor", 4);
+    guided.insert(guided.size() - 2, ", ghost: {" + keys + "}");
+    return list + guided;
+  };
+  EXPECT_FALSE(read(list + entry("mentor", 4)).instruments[1].device.ghost);
+  const Scene scene = read(with("of: 1, stiffness: 50, max_force: 0.5"));
+  ASSERT_TRUE(scene.instruments[1].device.ghost);
+  EXPECT_EQ(scene.instruments[1].device.ghost->of, 0);
+  EXPECT_EQ(scene.instruments[1].device.ghost->stiffness, 50);
+  EXPECT_EQ(scene.instruments[1].device.ghost->max_force, 0.5);
+  EXPECT_NE(describe(scene).find("a spring to trainee: 50 N/m at the device, at most 0.5 N"),
+            std::string::npos)
+      << describe(scene);
+  const auto fault = [&](const std::string& keys, const std::string& key, const std::string& says) {
+    expect_fault_in(with(keys), "ghost", "ghost", "instruments[1].ghost." + key, says);
+  };
+  fault("of: 4, stiffness: 50, max_force: 0.5", "of", "own device");
+  fault("of: 9, stiffness: 50, max_force: 0.5", "of", "no device of another");
+  fault("of: 1, stiffness: 1e5, max_force: 0.5", "stiffness", "displays stably");
+  fault("of: 1, stiffness: 50, max_force: 50", "max_force", "at most the device's");
+  fault("of: 1, stiffness: 50", "max_force", "missing");
+}
+
 TEST_F(SceneInstruments, OneToFourShareATissue) {
   std::string list = tissue + "instruments:\n";
   for (int n = 1; n <= 4; ++n) {

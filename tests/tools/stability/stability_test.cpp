@@ -42,6 +42,15 @@ TEST(Stability, QuickAtlas) {
     EXPECT_TRUE(p.tanked.faults.empty()) << p.link.delay;
     EXPECT_GT(p.tanked.force_max, 0.3) << p.link.delay;  // it does press
   }
+  ASSERT_EQ(chart.mentors.size(), 6u);
+  for (const MentorPoint& p : chart.mentors) {
+    EXPECT_LE(p.tanked.made_by_force, 1e-5) << p.link.delay;
+    EXPECT_TRUE(p.tanked.faults.empty()) << p.link.delay;
+    EXPECT_GT(p.tanked.both_in_contact, 500) << p.link.delay;
+    if (p.ghost) {
+      EXPECT_GT(p.bare.made_by_force, 1e-4) << p.link.delay;
+    }
+  }
   ASSERT_EQ(chart.carve.size(), 1u);
   EXPECT_GE(chart.carve[0].ticks, 5000);
   EXPECT_TRUE(chart.carve[0].faults.empty());

@@ -19,6 +19,7 @@ HapticOptions options_of(const Scene& scene, const HandsDaemonSettings& settings
 VirtualDaemonSettings settings_of(const HandsDaemonSettings& of) {
   VirtualDaemonSettings settings;
   settings.link = of.link;
+  settings.at_simulation = of.at_simulation;
   if (of.begun)
     settings.after = [begun = of.begun](StepAction action, std::int64_t) {
       if (action == StepAction::begin) begun();

@@ -10,9 +10,10 @@ namespace hapticd {
 
 struct HandsDaemonSettings {
   bool passivity_control = false;
-  std::optional<LinkTrouble> link;  // between the daemon's halves
-  double problem_old = 0;           // of the watchdog; a problem is lost 140 ms later; 0: as usual [s]
-  std::function<void()> begun;      // called when a step has begun, after its removals and cuts
+  std::optional<LinkTrouble> link;          // between the daemon's halves
+  EachInstrument<bool> at_simulation = {};  // virtual_daemon.h
+  double problem_old = 0;       // of the watchdog; a problem is lost 140 ms later; 0: as usual [s]
+  std::function<void()> begun;  // called when a step has begun, after its removals and cuts
 };
 
 class HandsDaemon {
@@ -25,6 +26,7 @@ class HandsDaemon {
 
   const World& world() const { return daemon_.world(); }
   const HapticState& haptic() const { return daemon_.haptic().state(); }
+  const DeviceState& device(int i) const { return daemon_.device_state(i); }
 
  private:
   VirtualDaemon daemon_;

@@ -1,0 +1,218 @@
+// A mentor's hand: a daemon with a trainee's device, an edge with the mentor's, one tissue; and what each
+// feels when the other is gone.
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "server/files/paths.h"
+#include "tests/tools/fake_daemon.h"
+#include "tests/tools/scripted_client.h"
+#include "tests/tools/two_instruments.h"
+#include "tools/cli/child.h"
+
+namespace hapticd {
+namespace {
+
+using Force = ScriptedClient::Force;
+
+constexpr double above_z = 0.030, touching_z = 0.0215;  // 1.5 mm into the cube
+constexpr double touch_step = 200 * 1e-3;               // config/devices/touch.yaml: N/s in a tick
+constexpr double touch_most = 3.3;
+constexpr int patience_ms = 20'000;
+
+void pause(int milliseconds) { std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds)); }
+double magnitude(const Force& f) { return ScriptedClient::magnitude(f); }
+bool has(const Force& f, std::uint32_t bits) { return (f.status & bits) != 0; }
+bool felt(const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }
+
+void expect_bounded(const std::vector<Force>& forces) {
+  for (std::size_t i = 0; i < forces.size(); ++i) {
+    ASSERT_LE(magnitude(forces[i]), touch_most * (1 + 1e-9));
+    if (i == 0 || forces[i].number != forces[i - 1].number + 1 || magnitude(forces[i]) == 0) continue;
+    Vec3 change;
+    for (int k = 0; k < 3; ++k) change[k] = forces[i].force[k] - forces[i - 1].force[k];
+    ASSERT_LE(change.norm(), touch_step * (1 + 1e-6)) << "at tick " << forces[i].number;
+  }
+}
+
+class MentorDaemon : public testing::Test {
+ protected:
+  MentorDaemon() : domain_(test_domain(), read_dds_profile("loopback")), participant_(domain_) {}
+
+  std::unique_ptr<Child> run(const std::string& log, std::vector<std::string> command) {
+    return std::make_unique<Child>(
+        ChildSettings{.command = std::move(command), .output = scratch_.file(log)});
+  }
+  std::unique_ptr<Child> daemon(const std::vector<std::string>& options) {
+    std::vector<std::string> command{BIN_DIR "/hapticd",           scene_,  "--domain",
+                                     std::to_string(domain_.id()), "--log", "json"};
+    command.insert(command.end(), options.begin(), options.end());
+    return run("daemon", command);
+  }
+  std::unique_ptr<Child> edge() {
+    const std::string domain = std::to_string(domain_.id());
+    return run("edge",
+               {BIN_DIR "/haptic", "edge", scene_, "--devices", "5", "--domain", domain,
+                "--simulation-domain", domain, "--log", "json", "--json", scratch_.file("edge.json")});
+  }
+  std::string log(const std::string& name) const { return read_bytes(scratch_.file(name)); }
+  static bool arm(ScriptedClient& client) {
+    if (!client.await(patience_ms, [](const Force&) { return true; })) return false;
+    client.enable(false);
+    if (!client.await(patience_ms, [](const Force& f) { return has(f, status_disarmed); })) return false;
+    pause(30);
+    client.enable(true);
+    return client.await(patience_ms, [](const Force& f) { return f.status == 0; });
+  }
+  static bool press(ScriptedClient& client) {
+    if (!arm(client)) return false;
+    client.move_to(touching_z, 300);
+    return client.await(patience_ms, felt);
+  }
+  // Of the newest half second.
+  static double mean(const ScriptedClient& client) {
+    const std::vector<Force> forces = client.forces();
+    const std::size_t n = std::min<std::size_t>(forces.size(), 500);
+    double sum = 0;
+    for (std::size_t i = forces.size() - n; i < forces.size(); ++i) sum += magnitude(forces[i]);
+    return sum / static_cast<double>(n);
+  }
+
+  Domain domain_;
+  Participant participant_;
+  ScratchDirectory scratch_;
+  std::string scene_ = two_on_a_cube(scratch_);
+  ScriptedClient trainee_{participant_, 3}, mentor_{participant_, 5};
+};
+
+// Alone; with the mentor beside it; for both what one daemon with two devices has.
+TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
+  double alone = 0, together = 0, mentors = 0;
+  {
+    auto whole = daemon({});
+    ASSERT_TRUE(press(trainee_)) << log("daemon");
+    pause(1000);
+    alone = mean(trainee_);
+    ASSERT_TRUE(press(mentor_));
+    pause(1000);
+    together = mean(trainee_);
+    mentors = mean(mentor_);
+    ASSERT_LT(together, 0.97 * alone);  // each stands in the dent of the other
+    trainee_.move_to(above_z, 100);
+    mentor_.move_to(above_z, 100);
+  }
+  pause(1000);
+  auto half = daemon({"--edge-devices", "5"});
+  auto far = edge();
+  ASSERT_TRUE(press(trainee_)) << log("daemon");
+  pause(1000);
+  EXPECT_NEAR(mean(trainee_), alone, 0.02 * alone);
+  ASSERT_TRUE(press(mentor_)) << log("edge") << log("daemon");
+  pause(1000);
+  EXPECT_NEAR(mean(trainee_), together, 0.02 * together);
+  EXPECT_NEAR(mean(mentor_), mentors, 0.02 * mentors);
+
+  // The mentor's edge dies: the trainee's force is that of one hand again, within the limits, never disarmed.
+  const std::size_t from = trainee_.count();
+  far->signal(SIGKILL);
+  far->wait(5);
+  EXPECT_TRUE(trainee_.await(
+      1000, [&](const Force& f) { return std::abs(magnitude(f) - alone) < 0.02 * alone; }, from));
+  pause(700);
+  EXPECT_NEAR(mean(trainee_), alone, 0.02 * alone);
+  expect_bounded(trainee_.forces(from));
+  for (const Force& f : trainee_.forces(from))
+    ASSERT_FALSE(has(f, status_disarmed | status_latched)) << f.number;
+  // Nobody else answers the mentor's device.
+  pause(50);
+  const std::size_t silent = mentor_.count();
+  pause(300);
+  EXPECT_EQ(mentor_.count(), silent);
+
+  // Another edge has it.
+  auto next = edge();
+  ASSERT_TRUE(arm(mentor_)) << log("edge");
+  EXPECT_TRUE(mentor_.await(patience_ms, felt)) << log("edge");
+  pause(1000);
+  EXPECT_NEAR(mean(trainee_), together, 0.02 * together);
+  expect_bounded(trainee_.forces(from));
+  EXPECT_EQ(trainee_.strange_forces() + mentor_.strange_forces(), 0u);
+
+  // The trainee's daemon dies: the mentor has the safety table.
+  const std::size_t last = mentor_.count();
+  half->signal(SIGKILL);
+  ASSERT_TRUE(mentor_.await(
+      patience_ms, [](const Force& f) { return has(f, status_problem_lost) && magnitude(f) == 0; }, last));
+  expect_bounded(mentor_.forces(last));
+  for (const Force& f : mentor_.forces(last)) {
+    if (f.problem_age_ms >= 60 && f.problem_age_ms < 200) {
+      EXPECT_TRUE(has(f, status_problem_old)) << f.problem_age_ms;
+    }
+    EXPECT_FALSE(has(f, status_latched)) << f.number;
+  }
+}
+
+class GhostDaemon : public MentorDaemon {
+ protected:
+  GhostDaemon() { scene_ = two_on_a_cube(scratch_, "    ghost: {of: 5, stiffness: 100, max_force: 0.5}\n"); }
+};
+
+// The hands are 12 mm apart, and the mentor goes up by 5 mm.
+TEST_F(GhostDaemon, GuidesWithinItsForceAndIsGoneWithTheMentor) {
+  auto half = daemon({"--edge-devices", "5", "--no-tank"});
+  auto far = edge();
+  ASSERT_TRUE(arm(trainee_)) << log("daemon");
+  EXPECT_EQ(magnitude(trainee_.forces().back()), 0);  // nobody is there
+  ASSERT_TRUE(arm(mentor_)) << log("edge");
+  EXPECT_TRUE(trainee_.await(patience_ms, [](const Force& f) { return std::abs(magnitude(f) - 0.5) < 1e-6; }))
+      << magnitude(trainee_.forces().back());
+  const Force first = trainee_.forces().back();
+  EXPECT_GT(first.force[0], 0.49);  // towards it
+  mentor_.move_to(above_z + 0.005, 200);
+  pause(300);
+  const Force up = trainee_.forces().back();
+  EXPECT_NEAR(up.force[2] / up.force[0], 5.0 / 12, 0.02);
+  EXPECT_NEAR(magnitude(up), 0.5, 1e-6);
+  EXPECT_EQ(mentor_.await(100, [](const Force& f) { return magnitude(f) > 0; }), false);  // it has no ghost
+
+  const std::size_t from = trainee_.count();
+  far->signal(SIGKILL);
+  EXPECT_TRUE(trainee_.await(
+      1000, [](const Force& f) { return magnitude(f) == 0; }, from));
+  const std::vector<Force> forces = trainee_.forces(from);
+  expect_bounded(forces);
+  std::size_t pulled = 0;
+  for (const Force& f : forces) {
+    ASSERT_LE(magnitude(f), 0.5 * (1 + 1e-6));
+    ASSERT_FALSE(has(f, status_disarmed)) << f.number;
+    pulled += magnitude(f) > 0;
+  }
+  EXPECT_LE(pulled, 100u);  // hands are lost after 60 ms, and a blend and the slew limit take a few more
+}
+
+TEST_F(MentorDaemon, WhoAnswersWhatMustAgree) {
+  auto half = daemon({"--no-haptics"});
+  auto far = edge();
+  for (int i = 0; i < patience_ms && log("edge").find("--edge-devices") == std::string::npos; ++i) pause(1);
+  EXPECT_NE(log("edge").find("--edge-devices"), std::string::npos) << log("edge");
+  mentor_.enable(true);
+  pause(500);
+  for (const Force& f : mentor_.forces()) EXPECT_EQ(magnitude(f), 0);
+}
+
+TEST_F(MentorDaemon, FaultyOptionsAreNamed) {
+  const CommandResult unknown = run_haptic("edge " + scene_ + " --devices 4");
+  EXPECT_EQ(unknown.code, 2) << unknown.output;
+  EXPECT_NE(unknown.output.find("--devices"), std::string::npos) << unknown.output;
+  EXPECT_NE(unknown.output.find("4 is no instrument's device; there are: 3, 5"), std::string::npos)
+      << unknown.output;
+  const CommandResult event = run_haptic("edge " + scene_ + " --devices 5 --mode event");
+  EXPECT_EQ(event.code, 2) << event.output;
+  EXPECT_NE(event.output.find("haptic.mode"), std::string::npos) << event.output;
+}
+
+}  // namespace
+}  // namespace hapticd
