@@ -1,6 +1,7 @@
 #include "server/edge/edge_problem.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "haptic/problem_check.h"
 #include "server/dds/borrowed.h"
@@ -10,6 +11,7 @@ namespace hapticd {
 namespace {
 
 constexpr std::uint8_t no_node = 255;
+constexpr double whole = 32767;  // c_ij of 1
 static_assert(max_patch_nodes < no_node);
 // The bounds in idl/edge.idl.
 static_assert(max_patch_nodes == 192 && max_patch_samples == 2048 && max_edge_samples == 32 &&
@@ -107,8 +109,8 @@ bool has(const Sequence& sequence, std::size_t length) noexcept {
 bool lengths_fit(const hapticd_msg_EdgeProblem& m, int instruments) noexcept {
   const std::size_t n = m.nodes;
   return n <= max_patch_nodes && has(m.instruments, static_cast<std::size_t>(instruments)) &&
-         has(m.positions, 6 * n) && (m.pull._length == 0 || has(m.pull, 3 * n)) &&
-         has(m.compliance, 3 * n * (3 * n + 1) / 2) && m.edges._length <= max_edge_samples &&
+         has(m.positions, 6 * n) && (m.pull._length == 0 || has(m.pull, 3 * n)) && has(m.own, 3 * n) &&
+         has(m.shared, 3 * n * (n > 0 ? 3 * n - 1 : 0) / 2) && m.edges._length <= max_edge_samples &&
          has(m.edges, m.edges._length) && m.offsets._length <= max_patch_samples &&
          has(m.offsets, m.offsets._length) && m.faces._length <= m.offsets._length &&
          has(m.faces, m.faces._length) && has(m.places, m.places._length);
@@ -145,11 +147,17 @@ bool read_samples(const hapticd_msg_EdgeProblem& m, const Vec3& origin, Condense
   return p.samples == static_cast<int>(m.offsets._length) && place == m.places._length;
 }
 
-void read_compliance(const hapticd_msg_EdgeProblem& m, CondensedProblem& p) noexcept {
-  const float* next = m.compliance._buffer;
+// False where √C_ii is below zero or NaN.
+bool read_compliance(const hapticd_msg_EdgeProblem& m, CondensedProblem& p) noexcept {
+  const float* const own = m.own._buffer;
+  const std::int16_t* next = m.shared._buffer;
   auto C = p.C();
-  for (int j = 0; j < 3 * p.nodes; ++j)
-    for (int i = j; i < 3 * p.nodes; ++i) C(i, j) = C(j, i) = *next++;
+  for (int j = 0; j < 3 * p.nodes; ++j) {
+    if (!(own[j] >= 0)) return false;
+    C(j, j) = double{own[j]} * own[j];
+    for (int i = j + 1; i < 3 * p.nodes; ++i) C(i, j) = C(j, i) = *next++ / whole * own[i] * own[j];
+  }
+  return true;
 }
 
 }  // namespace
@@ -174,13 +182,24 @@ void PackedProblem::put_samples(const CondensedProblem& p) {
   }
 }
 
+// What is no number is sent as one that the reader refuses.
 void PackedProblem::put_compliance(const CondensedProblem& p) {
   const auto C = p.C();
   const int size = 3 * p.nodes;
-  compliance_.resize(static_cast<std::size_t>(size) * (static_cast<std::size_t>(size) + 1) / 2);
-  float* next = compliance_.data();
+  own_.resize(static_cast<std::size_t>(size));
+  shared_.resize(static_cast<std::size_t>(size) * static_cast<std::size_t>(std::max(0, size - 1)) / 2);
+  bool numbers = true;
+  for (int i = 0; i < size; ++i) own_[static_cast<std::size_t>(i)] = static_cast<float>(std::sqrt(C(i, i)));
+  std::int16_t* next = shared_.data();
   for (int j = 0; j < size; ++j)
-    for (int i = j; i < size; ++i) *next++ = static_cast<float>(0.5 * (C(i, j) + C(j, i)));
+    for (int i = j + 1; i < size; ++i) {
+      const double both = double{own_[static_cast<std::size_t>(i)]} * own_[static_cast<std::size_t>(j)];
+      const double c = both > 0 ? 0.5 * (C(i, j) + C(j, i)) / both : 0;
+      numbers = numbers && std::isfinite(c);
+      *next++ =
+          std::isfinite(c) ? static_cast<std::int16_t>(std::lround(whole * std::clamp(c, -1.0, 1.0))) : 0;
+    }
+  if (!numbers) own_[0] = -1;
 }
 
 hapticd_msg_EdgeProblem& PackedProblem::pack(const CondensedProblem& p, int instruments) {
@@ -221,15 +240,16 @@ hapticd_msg_EdgeProblem& PackedProblem::pack(const CondensedProblem& p, int inst
   m.offsets = borrowed<decltype(m.offsets)>(offsets_);
   m.places = borrowed<decltype(m.places)>(places_);
   m.edges = borrowed<decltype(m.edges)>(edges_);
-  m.compliance = borrowed<decltype(m.compliance)>(compliance_);
+  m.own = borrowed<decltype(m.own)>(own_);
+  m.shared = borrowed<decltype(m.shared)>(shared_);
   return m;
 }
 
 std::size_t PackedProblem::bytes() const noexcept {
   constexpr std::size_t head = 144, edge = 152;  // with the sequences' lengths and what aligns them
   return head + sizeof(hapticd_msg_ProblemInstrument) * instruments_.size() +
-         4 * (positions_.size() + pull_.size() + places_.size() + compliance_.size()) + 32 * faces_.size() +
-         2 * offsets_.size() + edge * edges_.size();
+         4 * (positions_.size() + pull_.size() + places_.size() + own_.size()) + 2 * shared_.size() +
+         32 * faces_.size() + 2 * offsets_.size() + edge * edges_.size();
 }
 
 const char* to_string(ProblemFault fault) noexcept {
@@ -269,8 +289,7 @@ ProblemFault read_problem(const hapticd_msg_EdgeProblem& m, int instruments, Con
   if (!read_samples(m, origin, p)) return ProblemFault::counts;
   p.edges = static_cast<int>(m.edges._length);
   for (int k = 0; k < p.edges; ++k) p.edge[static_cast<std::size_t>(k)] = edge_of(m.edges._buffer[k]);
-  read_compliance(m, p);
-  return is_sound(p) ? ProblemFault::none : ProblemFault::unsound;
+  return read_compliance(m, p) && is_sound(p) ? ProblemFault::none : ProblemFault::unsound;
 }
 
 }  // namespace hapticd

@@ -1,10 +1,11 @@
 // The condensed problem as it crosses a network, both ways.
 //
-//   sent     C_pp: the mean of both triangles; positions, normals, weights: from an origin near the patch;
-//            all in single precision. Samples that follow one another on a face share what is the face's
+//   sent     C_pp: the mean of both triangles, as √C_ii and C_ij / √(C_ii C_jj), this in 16 bits
+//            positions, normals, weights: from an origin near the patch, in single precision
+//            samples that follow one another on a face share what is the face's
 //   read     only what has the version and counts that belong together, and is sound (problem_check.h)
 //
-// A problem of n nodes takes 18 n² + 30 n bytes and about 12 a sample. Units: SI. Thread safety: one thread
+// A problem of n nodes takes 9 n² + 42 n bytes and about 12 a sample. Units: SI. Thread safety: one thread
 // each. Guarantee: `read_problem` is noexcept and allocates nothing; `PackedProblem` allocates while problems
 // grow.
 #pragma once
@@ -31,7 +32,8 @@ class PackedProblem {
   hapticd_msg_EdgeProblem message_{};
   Vec3 origin_ = Vec3::Zero();
   std::vector<hapticd_msg_ProblemInstrument> instruments_;
-  std::vector<float> positions_, pull_, places_, compliance_;
+  std::vector<float> positions_, pull_, places_, own_;
+  std::vector<std::int16_t> shared_;
   std::vector<hapticd_msg_ProblemFace> faces_;
   std::vector<std::uint16_t> offsets_;
   std::vector<hapticd_msg_ProblemEdge> edges_;

@@ -310,7 +310,7 @@ TEST_F(LyingSimulation, NothingMalformedStaleOrForeignReachesTheLoop) {
   }));
   EXPECT_TRUE(refuses("version", [](hapticd_msg_EdgeProblem& m) { ++m.version; }));
   EXPECT_TRUE(refuses("counts", [](hapticd_msg_EdgeProblem& m) { ++m.nodes; }));
-  EXPECT_TRUE(refuses("unsound", [](hapticd_msg_EdgeProblem& m) { m.compliance._buffer[0] = -1; }));
+  EXPECT_TRUE(refuses("unsound", [](hapticd_msg_EdgeProblem& m) { m.own._buffer[0] = -1; }));
   EXPECT_TRUE(refuses("scene", [](hapticd_msg_EdgeProblem& m) { ++m.scene; }));
   EXPECT_TRUE(refuses("other_edge", [](hapticd_msg_EdgeProblem& m) { ++m.edge; }));
   EXPECT_TRUE(refuses("number", [](hapticd_msg_EdgeProblem& m) { m.number = 1; }));

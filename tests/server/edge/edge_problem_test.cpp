@@ -84,7 +84,9 @@ TEST(EdgeProblem, ArrivesAsItWasToSinglePrecision) {
   }
   for (int i = 0; i < 3 * sent->nodes; ++i)
     for (int j = 0; j < 3 * sent->nodes; ++j) {
-      EXPECT_LE(relative(got->C()(i, j), 0.5 * (sent->C()(i, j) + sent->C()(j, i))), single);
+      const double error = std::abs(got->C()(i, j) - 0.5 * (sent->C()(i, j) + sent->C()(j, i)));
+      EXPECT_LE(error, (i == j ? 2 * single : 0.5 / 32767 + 2 * single) *
+                           std::sqrt(sent->C()(i, i) * sent->C()(j, j)));
       EXPECT_EQ(got->C()(i, j), got->C()(j, i));
     }
   const InstrumentReference &a = got->instrument[0], &b = sent->instrument[0];
@@ -147,8 +149,9 @@ const Malformed malformed[] = {
     {"no instrument", ProblemFault::counts, [](M& m) { m.instruments._length = 0; }},
     {"positions", ProblemFault::counts, [](M& m) { --m.positions._length; }},
     {"pull", ProblemFault::counts, [](M& m) { --m.pull._length; }},
-    {"compliance", ProblemFault::counts, [](M& m) { --m.compliance._length; }},
-    {"compliance nowhere", ProblemFault::counts, [](M& m) { m.compliance._buffer = nullptr; }},
+    {"compliance", ProblemFault::counts, [](M& m) { --m.shared._length; }},
+    {"compliance's diagonal", ProblemFault::counts, [](M& m) { --m.own._length; }},
+    {"compliance nowhere", ProblemFault::counts, [](M& m) { m.shared._buffer = nullptr; }},
     {"many edges", ProblemFault::counts, [](M& m) { m.edges._length = 33; }},
     {"many samples", ProblemFault::counts, [](M& m) { m.offsets._length = 2049; }},
     {"samples fewer", ProblemFault::counts, [](M& m) { --m.offsets._length; }},
@@ -166,10 +169,10 @@ const Malformed malformed[] = {
     {"a position", ProblemFault::unsound, [](M& m) { m.positions._buffer[4] = nan; }},
     {"pull nan", ProblemFault::unsound, [](M& m) { m.pull._buffer[1] = nan; }},
     {"origin", ProblemFault::unsound, [](M& m) { m.origin[1] = std::numeric_limits<double>::infinity(); }},
-    {"compliance nan", ProblemFault::unsound, [](M& m) { m.compliance._buffer[77] = nan; }},
-    {"compliance negative", ProblemFault::unsound, [](M& m) { m.compliance._buffer[0] *= -1; }},
-    {"compliance indefinite", ProblemFault::unsound,
-     [](M& m) { m.compliance._buffer[1] = 2 * m.compliance._buffer[0]; }},
+    {"compliance nan", ProblemFault::unsound, [](M& m) { m.own._buffer[7] = nan; }},
+    {"compliance infinite", ProblemFault::unsound,
+     [](M& m) { m.own._buffer[7] = std::numeric_limits<float>::infinity(); }},
+    {"compliance negative", ProblemFault::unsound, [](M& m) { m.own._buffer[0] *= -1; }},
     {"coupling", ProblemFault::unsound, [](M& m) { m.instruments._buffer[0].stiffness = -1; }},
     {"orientation", ProblemFault::unsound, [](M& m) { m.instruments._buffer[0].orientation[3] += 1; }},
     {"load", ProblemFault::unsound, [](M& m) { m.instruments._buffer[0].load[5] = nan; }},
@@ -193,6 +196,25 @@ TEST(EdgeProblem, MalformedIsRefused) {
   }
 }
 
+TEST(EdgeProblem, AComplianceThatIsNoNumberIsSentAsOneThatIsRefused) {
+  auto got = std::make_unique<CondensedProblem>();
+  for (const double none :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+    for (const auto& [i, j] : {std::pair(0, 0), {4, 4}, {4, 1}, {1, 4}}) {
+      auto sent = whole_problem();
+      sent->C()(i, j) = none;
+      PackedProblem packed;
+      EXPECT_EQ(read_problem(packed.pack(*sent, 1), 1, *got), ProblemFault::unsound) << none << i << j;
+    }
+  // Nodes that are fixed move not at all.
+  auto sent = whole_problem();
+  sent->C().topRows(3).setZero();
+  sent->C().leftCols(3).setZero();
+  PackedProblem packed;
+  ASSERT_EQ(read_problem(packed.pack(*sent, 1), 1, *got), ProblemFault::none);
+  EXPECT_TRUE(got->C().topRows(3).isZero(0));
+}
+
 // Bits turned at random, where the wire has them: what is let through is sound.
 TEST(EdgeProblem, WhateverIsReadIsSound) {
   Random random(11);
@@ -210,7 +232,7 @@ TEST(EdgeProblem, WhateverIsReadIsSound) {
     const auto in = [&](auto& sequence) {
       turn(sequence._buffer, sequence._length * sizeof *sequence._buffer);
     };
-    for (std::uint64_t k = 0; k < 1 + random() % 3; ++k) switch (random() % 8) {
+    for (std::uint64_t k = 0; k < 1 + random() % 3; ++k) switch (random() % 9) {
         case 0:
           in(m.instruments);
           break;
@@ -232,8 +254,11 @@ TEST(EdgeProblem, WhateverIsReadIsSound) {
         case 6:
           in(m.edges);
           break;
+        case 7:
+          in(m.own);
+          break;
         default:
-          in(m.compliance);
+          in(m.shared);
       }
     const bool read = read_problem(m, 1, *got) == ProblemFault::none;
     ++(read ? let_through : refused);
