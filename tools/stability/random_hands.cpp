@@ -85,6 +85,7 @@ class Episode {
     report_.out_of_room = daemon_.world().cutting().out_of_room();
     report_.made = report_.made_by_episode = -least_;
     report_.made_by_force = -least_by_force_;
+    for (const Hand& hand : hand_) report_.made_at_hand = std::max(report_.made_at_hand, -hand.least_energy);
     report_.absorbed = energy_;
     report_.removed = daemon_.world().removed();
   }
@@ -97,6 +98,7 @@ class Episode {
     HandState state;
     Vec3 before = Vec3::Zero();
     Quat turned = Quat::Identity();
+    double energy = 0, least_energy = 0;  // by force
     ForceSample last;
   };
 
@@ -150,6 +152,8 @@ class Episode {
     const Vec3 moved = hand.state.x - hand.before;
     energy_ -= answer.force.dot(moved);
     energy_by_force_ -= answer.force.dot(moved);
+    hand.energy -= answer.force.dot(moved);
+    hand.least_energy = std::min(hand.least_energy, hand.energy);
     const DeviceState& rendered = daemon_.device(i);
     report_.controlled_force_max = std::max(report_.controlled_force_max, rendered.controlled.norm());
     report_.controlled_force_rms += rendered.controlled.squaredNorm();
@@ -200,6 +204,7 @@ void add(const RandomReport& part, RandomReport& sum) {
   sum.made = std::max(sum.made, part.made);
   sum.made_by_episode += part.made_by_episode;
   sum.made_by_force = std::max(sum.made_by_force, part.made_by_force);
+  sum.made_at_hand = std::max(sum.made_at_hand, part.made_at_hand);
   sum.absorbed += part.absorbed;
   sum.controlled_force_max = std::max(sum.controlled_force_max, part.controlled_force_max);
   sum.controlled_work += part.controlled_work;

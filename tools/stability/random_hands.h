@@ -42,6 +42,7 @@ struct RandomReport : TrialTally {
   double made = 0;                                 // largest of the episodes' [J]
   double made_by_episode = 0;                      // … their mean [J]
   double made_by_force = 0;                        // … largest, turning left out [J]
+  double made_at_hand = 0;                         // … and at one hand alone, largest [J]
   double absorbed = 0;                             // E at the end, all episodes [J]
   double controlled_force_max = 0;                 // the controller's own, on a device [N]
   double controlled_work = 0;                      // … what it took out, all episodes [J]

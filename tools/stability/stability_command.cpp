@@ -107,9 +107,13 @@ bool print(const StabilityChart& chart) {
     for (const std::string& f : p.bare.faults) std::printf("  without: %s\n", f.c_str());
   }
   for (const MentorPoint& p : chart.mentors) {
-    std::printf("mentor's hand over %g ± %g ms, loss %g %%%s: made %.3f µJ with the tanks, %.3f without\n",
-                1e3 * p.link.delay, 1e3 * p.link.jitter, 100 * p.link.loss, p.ghost ? ", ghosts" : "",
-                1e6 * p.tanked.made_by_force, 1e6 * p.bare.made_by_force);
+    std::printf(
+        "mentor's hand over %g ± %g ms, loss %g %%%s: both ends made %.3f µJ with the tanks, %.3f without; "
+        "one "
+        "hand got %.3f, %.3f\n",
+        1e3 * p.link.delay, 1e3 * p.link.jitter, 100 * p.link.loss, p.ghost ? ", ghosts" : "",
+        1e6 * p.tanked.made_by_force, 1e6 * p.bare.made_by_force, 1e6 * p.tanked.made_at_hand,
+        1e6 * p.bare.made_at_hand);
     for (const std::string& f : p.tanked.faults) std::printf("  with the tanks: %s\n", f.c_str());
     for (const std::string& f : p.bare.faults) std::printf("  without: %s\n", f.c_str());
   }

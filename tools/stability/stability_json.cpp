@@ -204,6 +204,8 @@ nlohmann::ordered_json to_json(const MentorPoint& p) {
           {"ghost", p.ghost},
           {"energy_made_j", p.tanked.made_by_force},
           {"energy_made_untanked_j", p.bare.made_by_force},
+          {"energy_made_at_hand_j", p.tanked.made_at_hand},
+          {"energy_made_at_hand_untanked_j", p.bare.made_at_hand},
           {"tank", to_json(p.tanked)},
           {"no_tank", to_json(p.bare)}};
 }

@@ -45,6 +45,7 @@ TEST(Stability, QuickAtlas) {
   ASSERT_EQ(chart.mentors.size(), 6u);
   for (const MentorPoint& p : chart.mentors) {
     EXPECT_LE(p.tanked.made_by_force, 1e-5) << p.link.delay;
+    EXPECT_LE(p.tanked.made_at_hand, 1e-5) << p.link.delay;
     EXPECT_TRUE(p.tanked.faults.empty()) << p.link.delay;
     EXPECT_GT(p.tanked.both_in_contact, 500) << p.link.delay;
     if (p.ghost) {
