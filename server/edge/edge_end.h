@@ -2,8 +2,7 @@
 //
 //   haptic/edge/problem → problems        checked (edge_problem.h), its time in this machine's clock, newest
 //   first instruments → haptic/edge/hands       each millisecond
-//   haptic/edge/clock → clock_offset.h, others  hands of devices answered beside the simulation
-//   (remote_hand.h)
+//   haptic/edge/clock → clock_offset.h, others  hands that are answered beside the simulation
 //
 // A problem's age therefore counts the network's delay. Not passed on: what read_problem refuses, another
 // scene's, what is for another edge, an older number than the newest, and a time that is not over yet; the

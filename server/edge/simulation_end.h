@@ -1,10 +1,11 @@
 // The simulation's end of the link to its edge: a thread that sends problems and hears hands.
 //
 //   copies → haptic/edge/problem        the newest problem, as long as an edge is heard
-//   haptic/edge/hands → told            the edge's hands, in this machine's clock: what the simulation
-//   latches, or
-//                                       what the haptic loop beside it has of them (remote_hand.h)
-//   own → haptic/edge/clock             the answer, with the hands of that loop where there is one
+//   haptic/edge/hands → told            the edge's hands, in this machine's clock
+//   own → haptic/edge/clock             the answer, with the hands of the loop beside the simulation
+//
+// `told` is what the simulation latches, or, where a haptic loop is beside it, what that has of them
+// (remote_hand.h); only then there is an `own`.
 //
 // One edge at a time: the first heard keeps the world until it was silent for `edge_stays_ns`; hands of
 // others are refused and counted. Hands that are not finite, not unit, not of this version, too many or too

@@ -69,7 +69,7 @@ int try_scene(const EdgeCommand& o, const Scene& scene) {
        fixed(t.mbit, 1) + " Mbit/s; " + fixed(t.mbit_peak, 1) + " in the second that carries most"}};
   char text[64];
   std::snprintf(text, sizeof text, "%.1e RMS, %.1e at most, of the peak", t.force_rms_rel, t.force_max_rel);
-  table.emplace_back("force error of single precision", text);
+  table.emplace_back("force error of what is rounded", text);
   for (const PatchTraffic& p : t.patches) {
     json["patches"].push_back({{"nodes_from", p.nodes_from},
                                {"nodes_to", p.nodes_to},
@@ -208,8 +208,8 @@ Command add_edge(CLI::App& application) {
       ->type_name("DIR");
   CLI::Option* tries = app->add_flag("--try", o->tries,
                                      "serve nobody: measure along the scene's trajectory what its problems "
-                                     "take of a network, and what their single "
-                                     "precision costs in force");
+                                     "take of a network, and what their rounding "
+                                     "costs in force");
   app->add_option("--seconds", o->seconds, "of the trajectory, for --try; 0: all")
       ->check(not_negative)
       ->needs(tries);
