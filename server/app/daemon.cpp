@@ -34,13 +34,19 @@ Daemon::Daemon(const Scene& scene, const DaemonOptions& options)
       simulation_core_(process_cores().front()),
       core_isolation_(realtime_core_),
       on_realtime_core_(std::in_place, realtime_core_),
-      domain_(options.domain, default_dds_profile()),
+      domain_(options.domain,
+              options.edge_domain ? read_dds_profile(default_dds_profile_name()) : default_dds_profile()),
       participant_(domain_, options.security) {
   on_realtime_core_.reset();
+  if (options.edge_domain) {
+    const ScopedCore elsewhere(simulation_core_);  // its threads are not to hold up the haptic loop
+    edge_domain_.emplace(*options.edge_domain, default_dds_profile());
+    edge_participant_.emplace(*edge_domain_, options.security);
+  }
   const auto add = [&](const std::vector<DeviceSettings>& devices) {
     const bool first = sessions_.empty();
     sessions_.push_back(std::make_unique<WorldSession>(
-        scene, devices, participant_,
+        scene, devices, participant_, edge_participant_ ? *edge_participant_ : participant_,
         WorldSessionOptions{options.mode, realtime_core_, simulation_core_,
                             static_cast<int>(sessions_.size()), first ? options.record : std::nullopt,
                             first ? options.capture : std::nullopt, options.capture_every,

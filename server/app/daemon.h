@@ -35,6 +35,8 @@ struct DaemonOptions {
   std::optional<std::filesystem::path> schedule = {};  // of the scene's first device (schedule_file.h)
   std::vector<std::uint32_t> edge_devices = {};        // by id, answered at an edge (server/edge), not here
   bool tank = true;                                    // beside an edge (world_session.h)
+  // Where the edge is, in the process's network; devices are then on this machine alone. None: in `domain`.
+  std::optional<std::uint32_t> edge_domain = {};
 };
 
 class Daemon {
@@ -81,6 +83,8 @@ class Daemon {
   std::optional<ScopedCore> on_realtime_core_;  // while DDS makes its threads, which inherit it
   Domain domain_;
   Participant participant_;
+  std::optional<Domain> edge_domain_;
+  std::optional<Participant> edge_participant_;
   std::optional<CommandPort> commands_;
   std::vector<std::unique_ptr<WorldSession>> sessions_;
 };

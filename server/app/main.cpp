@@ -53,13 +53,15 @@ struct Arguments {
   bool force = false, open_network = false, no_haptics = false, no_tank = false;
   std::vector<std::string> also;
   std::vector<std::uint32_t> edge_devices;
+  std::optional<std::uint32_t> edge_domain;
   Network network;
 };
 
 void define(CLI::App& app, Arguments& a) {
   app.footer(
       "Examples:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json\n"
-      "  hapticd config/scenes/two_hands/two_hands.yaml --edge-devices 1    # the second hand is a mentor's, "
+      "  hapticd config/scenes/two_hands/two_hands.yaml --edge-devices 1 --edge-domain 1    # the second "
+      "hand is a mentor's, "
       "elsewhere");
   app.set_version_flag("--version", std::string("hapticd ") + HAPTICD_VERSION);
   app.add_option("scene", a.scene, "The scene, a YAML file (config/README.md tells its keys)")->required();
@@ -131,6 +133,12 @@ void define_network(CLI::App& app, Arguments& a) {
                              ->excludes(no_haptics)
                              ->type_name("ID");
   for (const char* name : {"--schedule", "--also"}) at_edge->excludes(app.get_option(name));
+  app.add_option("--edge-domain", a.edge_domain,
+                 "With --edge-devices: DDS domain of that edge, in the network of --interface; devices and "
+                 "clients in "
+                 "--domain are then on this machine alone")
+      ->check(CLI::Range(0, 230))
+      ->needs(at_edge);
   app.add_flag("--no-tank", a.no_tank,
                "With --edge-devices: do not hold back what a late pose of the other hand would give this one")
       ->needs(at_edge);
@@ -295,6 +303,13 @@ int run(const Arguments& a) {
   Scene scene = read_scene(a.scene, a.device);
   for (const std::string& device : a.also) add_device(scene, device);
   require_instruments_of(scene, a.edge_devices, "--edge-devices");
+  if (!a.edge_devices.empty() && !a.network.interface.empty() && !a.edge_domain)
+    throw InputError(
+        scene.file, 0, "--interface",
+        "with --edge-devices the devices here stay on this machine: the "
+        "edge needs a domain of its own (--edge-domain N, as haptic edge --simulation-domain N)");
+  if (a.edge_domain == a.domain)
+    throw InputError(scene.file, 0, "--edge-domain", "is --domain: leave it out, or give the edge another");
   check_recordings(a, scene);
   require_room_for(scene, a);
   set_log_level(log_level(scene.log_level).value_or(LogLevel::info));
@@ -325,7 +340,7 @@ int run(const Arguments& a) {
   };
   take_dds_log();
   Daemon daemon(scene, {a.domain, mode, path(a.record), path(a.capture), a.capture_every, security,
-                        path(a.schedule), edge_devices(a, scene), !a.no_tank});
+                        path(a.schedule), edge_devices(a, scene), !a.no_tank, a.edge_domain});
   daemon.start();
   announce(daemon.grants());
   std::optional<MetricsServer> metrics;

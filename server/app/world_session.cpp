@@ -65,7 +65,8 @@ WorldSession::Device::Device(const DeviceSettings& of, const std::string& name,
 }
 
 WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices,
-                           const Participant& participant, const WorldSessionOptions& options)
+                           const Participant& participant, const Participant& to_edge,
+                           const WorldSessionOptions& options)
     : options_(options),
       here_(others_than(options.edge_devices, devices)),
       devices_here_(static_cast<int>(std::count(here_.value.begin(), here_.value.end(), true))) {
@@ -89,9 +90,9 @@ WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>
     LinkSettings link{devices.front().id, scene_mark(scene, here_), this->devices(), here_, {}};
     if (devices_here_ > 0) link.keep_off = options.realtime_core;
     if (devices_here_ > 0)
-      edge_.emplace(participant, link, copies_, told_, &own_);
+      edge_.emplace(to_edge, link, copies_, told_, &own_);
     else
-      edge_.emplace(participant, link, copies_, instruments_);
+      edge_.emplace(to_edge, link, copies_, instruments_);
   }
   if (options.schedule) {
     schedule_.emplace(*options.schedule, scene, devices);

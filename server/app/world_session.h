@@ -50,9 +50,10 @@ std::vector<std::filesystem::path> recordings_of(const std::filesystem::path& fi
 
 class WorldSession {
  public:
-  // devices: one an instrument of the scene, in their order. Everything referred to must outlive the session.
+  // devices: one an instrument of the scene, in their order. to_edge: where the edge is, if there is one.
+  // Everything referred to must outlive the session.
   WorldSession(const Scene& scene, const std::vector<DeviceSettings>& devices, const Participant& participant,
-               const WorldSessionOptions& options);
+               const Participant& to_edge, const WorldSessionOptions& options);
   ~WorldSession();
 
   // The simulation, then the haptic thread; returns what the latter was granted.

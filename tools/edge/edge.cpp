@@ -221,7 +221,7 @@ Command add_edge(CLI::App& application) {
       "                      # on 10.0.0.1: hapticd cube.yaml --no-haptics --domain 1 --interface eth0 "
       "--peers 10.0.0.2 "
       "--open-network\n"
-      "  hapticd two_hands.yaml --edge-devices 1 --domain 1 & haptic edge two_hands.yaml --devices 1 "
+      "  hapticd two_hands.yaml --edge-devices 1 --edge-domain 1 & haptic edge two_hands.yaml --devices 1 "
       "--simulation-domain 1    # a mentor's hand\n"
       "  haptic edge cube.yaml --try");
   return {app, [o] { return run(*o); }};

@@ -52,11 +52,13 @@ class MentorDaemon : public testing::Test {
     command.insert(command.end(), options.begin(), options.end());
     return run("daemon", command);
   }
-  std::unique_ptr<Child> edge() {
-    const std::string domain = std::to_string(domain_.id());
+  // link: the domain of its simulation; 0: that of the devices.
+  std::unique_ptr<Child> edge(std::uint32_t link = 0) {
+    const std::string domain = std::to_string(domain_.id()),
+                      simulation = std::to_string(link ? link : domain_.id());
     return run("edge",
                {BIN_DIR "/haptic", "edge", scene_, "--devices", "5", "--domain", domain,
-                "--simulation-domain", domain, "--log", "json", "--json", scratch_.file("edge.json")});
+                "--simulation-domain", simulation, "--log", "json", "--json", scratch_.file("edge.json")});
   }
   std::string log(const std::string& name) const { return read_bytes(scratch_.file(name)); }
   static bool arm(ScriptedClient& client) {
@@ -105,8 +107,9 @@ TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
     mentor_.move_to(above_z, 100);
   }
   pause(1000);
-  auto half = daemon({"--edge-devices", "5"});
-  auto far = edge();
+  const std::uint32_t link = domain_.id() + 100;  // as over a network
+  auto half = daemon({"--edge-devices", "5", "--edge-domain", std::to_string(link)});
+  auto far = edge(link);
   ASSERT_TRUE(press(trainee_)) << log("daemon");
   pause(1000);
   EXPECT_NEAR(mean(trainee_), alone, 0.02 * alone);
@@ -133,7 +136,7 @@ TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
   EXPECT_EQ(mentor_.count(), silent);
 
   // Another edge has it.
-  auto next = edge();
+  auto next = edge(link);
   ASSERT_TRUE(arm(mentor_)) << log("edge");
   EXPECT_TRUE(mentor_.await(patience_ms, felt)) << log("edge");
   pause(1000);
@@ -209,6 +212,10 @@ TEST_F(MentorDaemon, FaultyOptionsAreNamed) {
   EXPECT_NE(unknown.output.find("--devices"), std::string::npos) << unknown.output;
   EXPECT_NE(unknown.output.find("4 is no instrument's device; there are: 3, 5"), std::string::npos)
       << unknown.output;
+  const CommandResult domain = run_command(std::string(BIN_DIR) + "/hapticd " + scene_ +
+                                           " --edge-devices 5 --domain 7 --edge-domain 7");
+  EXPECT_EQ(domain.code, 2) << domain.output;
+  EXPECT_NE(domain.output.find("--edge-domain"), std::string::npos) << domain.output;
   const CommandResult event = run_haptic("edge " + scene_ + " --devices 5 --mode event");
   EXPECT_EQ(event.code, 2) << event.output;
   EXPECT_NE(event.output.find("haptic.mode"), std::string::npos) << event.output;
