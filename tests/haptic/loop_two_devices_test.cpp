@@ -135,9 +135,9 @@ TEST_P(LoopOfTwo, InModeEventAFloodIsAnsweredTwiceAMillisecondAndHoldsUpNobody) 
     }
     sleep_until(now + 20'000);
   }
+  loop.stop();
   const double seconds = 1e-9 * static_cast<double>(monotonic_ns() - begun);
   const auto most = static_cast<std::uint64_t>(2000 * seconds) + 2;
-  loop.stop();
   EXPECT_LE(loop.statistics(b).answered.load(), most);
   EXPECT_GT(loop.statistics(b).answered.load(), 100u);
   EXPECT_LE(loop.statistics(a).run.load(), most + sent + static_cast<std::uint64_t>(1000 * seconds));
