@@ -18,9 +18,11 @@ install(CODE "execute_process(COMMAND python3 ${HERE}/documents.py ${PROJECT_SOU
         COMPONENT runtime)
 install(DIRECTORY ${DOCUMENTS}/ DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/hapticd COMPONENT runtime)
 # As Debian wants one of each package; what changed is in CHANGELOG.md.
-# Who makes the packages says so as for any Debian package.
+# Who makes the packages says so as for any Debian package: an address, or a name with it in <>.
 set(MAINTAINER "hapticd developers <hapticd@localhost>")
-if(DEFINED ENV{DEBEMAIL})
+if("$ENV{DEBEMAIL}" MATCHES "^[^<>]+<[^<> ]+@[^<> ]+>$")
+  set(MAINTAINER "$ENV{DEBEMAIL}")
+elseif(DEFINED ENV{DEBEMAIL})
   set(MAINTAINER "hapticd developers <$ENV{DEBEMAIL}>")
 endif()
 string(TIMESTAMP NOW "%a, %d %b %Y %H:%M:%S +0000" UTC)
