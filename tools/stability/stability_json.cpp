@@ -9,6 +9,9 @@
 namespace hapticd {
 namespace {
 
+// Of energies [J]: less is rounding, which two runs on a busy machine do not share.
+constexpr int energy_digits = 21;
+
 nlohmann::ordered_json number_or_null(double value, int decimals) {
   return value > 0 ? nlohmann::ordered_json(rounded(value, decimals)) : nlohmann::ordered_json(nullptr);
 }
@@ -16,7 +19,7 @@ nlohmann::ordered_json number_or_null(double value, int decimals) {
 // To six decimals; what is smaller than 1e-3, as errors and energies may be, whole.
 nlohmann::ordered_json judged_or_null(double judged) {
   if (!std::isfinite(judged)) return nullptr;
-  return std::abs(judged) < 1e-3 ? judged : rounded(judged, 6);
+  return std::abs(judged) < 1e-3 ? rounded(judged, energy_digits) : rounded(judged, 6);
 }
 
 nlohmann::ordered_json to_json(const StabilityTrial& trial) {
@@ -123,8 +126,8 @@ nlohmann::ordered_json to_json(const TrialTally& r) {
           {"farthest_allowed_mm", rounded(1e3 * r.farthest_allowed, 4)},
           {"fastest_mm_s", rounded(1e3 * r.fastest, 3)},
           {"fastest_allowed_mm_s", rounded(1e3 * r.fastest_allowed, 3)},
-          {"gained_j", r.gained},
-          {"energy_j", r.energy},
+          {"gained_j", rounded(r.gained, energy_digits)},
+          {"energy_j", rounded(r.energy, energy_digits)},
           {"status", r.status}};
 }
 
