@@ -9,7 +9,7 @@
 namespace hapticd {
 namespace {
 
-// Of energies [J]: less is rounding, which two runs on a busy machine do not share.
+// Of energies [J]: less is rounding, which goes with how the memory of an episode's thread is aligned.
 constexpr int energy_digits = 21;
 
 nlohmann::ordered_json number_or_null(double value, int decimals) {
