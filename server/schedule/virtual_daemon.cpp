@@ -177,8 +177,8 @@ void VirtualDaemon::publish(StepAction) {
   }
   auto sent = std::make_unique<CondensedProblem>();
   copy_in_use(made, *sent);
-  const auto nodes =
-      static_cast<std::size_t>(made.nodes);  // bytes: nearly those of a packed problem (edge_problem.h)
+  // Nearly those of a packed problem (edge_problem.h).
+  const auto nodes = static_cast<std::size_t>(made.nodes);
   const std::size_t bytes = 9 * nodes * nodes + 12 * static_cast<std::size_t>(made.samples);
   halves_->problems.send(halves_->link.problem(free_ns_, bytes), std::move(sent));
   if (edge_) problems_.publish();

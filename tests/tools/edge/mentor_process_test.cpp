@@ -8,35 +8,15 @@
 #include <nlohmann/json.hpp>
 
 #include "server/files/paths.h"
+#include "tests/tools/edge/felt_at_edge.h"
 #include "tests/tools/fake_daemon.h"
-#include "tests/tools/scripted_client.h"
 #include "tests/tools/two_instruments.h"
 #include "tools/cli/child.h"
 
 namespace hapticd {
 namespace {
 
-using Force = ScriptedClient::Force;
-
-constexpr double above_z = 0.030, touching_z = 0.0215;  // 1.5 mm into the cube
-constexpr double touch_step = 200 * 1e-3;               // config/devices/touch.yaml: N/s in a tick
-constexpr double touch_most = 3.3;
-constexpr int patience_ms = 20'000;
-
-void pause(int milliseconds) { std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds)); }
-double magnitude(const Force& f) { return ScriptedClient::magnitude(f); }
-bool has(const Force& f, std::uint32_t bits) { return (f.status & bits) != 0; }
-bool felt(const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }
-
-void expect_bounded(const std::vector<Force>& forces) {
-  for (std::size_t i = 0; i < forces.size(); ++i) {
-    ASSERT_LE(magnitude(forces[i]), touch_most * (1 + 1e-9));
-    if (i == 0 || forces[i].number != forces[i - 1].number + 1 || magnitude(forces[i]) == 0) continue;
-    Vec3 change;
-    for (int k = 0; k < 3; ++k) change[k] = forces[i].force[k] - forces[i - 1].force[k];
-    ASSERT_LE(change.norm(), touch_step * (1 + 1e-6)) << "at tick " << forces[i].number;
-  }
-}
+constexpr double above_z = 0.030;  // [m]
 
 class MentorDaemon : public testing::Test {
  protected:
