@@ -27,6 +27,7 @@ std::int64_t number_at(Bytes b, bool little) noexcept {
 
 bool RtpsNumbers::follow(const Writer& writer, std::int64_t number, bool is_data,
                          std::int64_t now_ns) noexcept {
+  if (number < 1) return true;  // none that a writer gives: Cyclone drops it, and differences would overflow
   std::uint32_t hash = 2166136261u;  // FNV-1a
   for (const std::uint8_t byte : writer) hash = (hash ^ byte) * 16777619u;
   Known& known = known_[hash % known_.size()];

@@ -75,6 +75,17 @@ TEST(RtpsNumbers, AWriterThatIsHeardOfAgainMayBeAnywhere) {
   EXPECT_TRUE(numbers.take(data(90'001), 2002 * ms));
 }
 
+// Cyclone drops what is numbered below 1. It must neither be remembered nor subtracted.
+TEST(RtpsNumbers, WhatNoWriterCountsIsLeftToOthers) {
+  RtpsNumbers numbers;
+  EXPECT_TRUE(numbers.take(data(INT64_MIN), ms));
+  ASSERT_TRUE(numbers.take(data(1000), ms));
+  for (const std::int64_t n : {std::int64_t{INT64_MIN}, std::int64_t{-1}, std::int64_t{0}})
+    EXPECT_TRUE(numbers.take(data(n), 2 * ms));
+  EXPECT_FALSE(numbers.take(data(INT64_MAX), 3 * ms));
+  EXPECT_TRUE(numbers.take(data(1001), 3 * ms));
+}
+
 TEST(RtpsNumbers, WritersAreApart) {
   RtpsNumbers numbers;
   ASSERT_TRUE(numbers.take(data(1), ms));
