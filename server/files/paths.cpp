@@ -60,6 +60,11 @@ std::filesystem::path device_path(const std::string& name_or_path, const std::fi
   return config_file(fs::path("devices") / (name_or_path + ".yaml"));
 }
 
+bool is_file(const std::filesystem::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
 std::string read_bytes(const std::filesystem::path& file) {
   std::error_code error;
   const bool there = std::filesystem::exists(file, error);

@@ -18,6 +18,9 @@ std::filesystem::path config_file(const std::filesystem::path& relative);
 // extension; relative to `base`).
 std::filesystem::path device_path(const std::string& name_or_path, const std::filesystem::path& base);
 
+// Whether it is there and a file; false too where that cannot be told (a name too long, a folder that is closed).
+bool is_file(const std::filesystem::path& path);
+
 // The whole content of a file. Throws InputError when it cannot be read.
 std::string read_bytes(const std::filesystem::path& file);
 

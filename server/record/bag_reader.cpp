@@ -275,7 +275,7 @@ std::vector<std::string> parse_bag_metadata(const std::string& text, const std::
 Trajectory read_bag(const std::filesystem::path& bag, const std::string& topic, LengthUnit unit) {
   Motion motion(topic);
   for (const std::filesystem::path& file : databases(bag)) {
-    if (!std::filesystem::is_regular_file(file)) throw InputError(file, 0, "", "no such file");
+    if (!is_file(file)) throw InputError(file, 0, "", "no such file");
     motion.add(Database(file));
   }
   return motion.finish(bag, unit);

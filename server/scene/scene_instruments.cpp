@@ -81,7 +81,7 @@ RemovalSettings read_removal(const YamlMap& yaml) {
 
 std::filesystem::path device_file_of(const YamlMap& yaml) {
   const std::filesystem::path file = device_path(yaml.text("device"), yaml.folder());
-  if (!std::filesystem::is_regular_file(file))
+  if (!is_file(file))
     throw yaml.error("device", no_such_device(yaml.text("device"), file));
   return file;
 }
@@ -89,7 +89,7 @@ std::filesystem::path device_file_of(const YamlMap& yaml) {
 // Of a name that stands on the command line, not in the scene.
 std::filesystem::path device_file_of(const std::string& name) {
   const std::filesystem::path file = device_path(name, std::filesystem::current_path());
-  if (!std::filesystem::is_regular_file(file))
+  if (!is_file(file))
     throw InputError(file, 0, "device", no_such_device(name, file));
   return file;
 }
@@ -147,7 +147,7 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
 
   if (rest.has("trajectory")) {
     held.trajectory = rest.folder() / rest.text("trajectory");
-    if (!std::filesystem::is_regular_file(*held.trajectory))
+    if (!is_file(*held.trajectory))
       throw rest.error("trajectory", "no such file: " + held.trajectory->string());
     read_trajectory(*held.trajectory, LengthUnit::metre);
   }

@@ -198,7 +198,7 @@ void check_outputs(const MeshOptions& o) {
 
 int run(const MeshOptions& o) {
   check_outputs(o);
-  if (!std::filesystem::is_regular_file(o.file)) throw InputError(o.file, 0, "", "no such file");
+  if (!is_file(o.file)) throw InputError(o.file, 0, "", "no such file");
   const ScratchFolder scratch;
   ForeignMesh read = read_any_mesh(o.file, {o.edge, scratch.path});
   for (const std::string& command : read.commands) std::printf("made by   %s\n", command.c_str());

@@ -155,6 +155,8 @@ TEST_F(SceneReader, MissingThings) {
   expect_fault("mesh: tiny_41_ascii.msh", "mesh: none.msh", "bodies[0].mesh", "no such file");
   expect_fault("device: touch", "device: tuch", "device", "did you mean 'touch'?");
   expect_fault("trajectory: move.csv", "trajectory: none.csv", "trajectory", "no such file");
+  expect_fault("trajectory: move.csv", "trajectory: " + std::string(5000, 'n') + ".csv", "trajectory",
+               "no such file");
   expect_fault("tip: ball", "tip: bull", "instrument.tip", "ball, stick");
   expect_fault("fixed: bottom", "fixed: botom", "bodies[0].fixed", "did you mean 'bottom'?");
   expect_fault("    fixed: bottom\n", "", "bodies[0].fixed", "floating: true", 8);
