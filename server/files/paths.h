@@ -14,11 +14,12 @@ std::filesystem::path config_directory();
 // A file of it ("dds/loopback.xml"), or this machine's own in its place.
 std::filesystem::path config_file(const std::filesystem::path& relative);
 
-// A device by name ("touch" → devices/touch.yaml of the configuration) or by path (anything with a slash or an
-// extension; relative to `base`).
+// A device by name ("touch" → devices/touch.yaml of the configuration) or by path (anything with a slash or
+// an extension; relative to `base`).
 std::filesystem::path device_path(const std::string& name_or_path, const std::filesystem::path& base);
 
-// Whether it is there and a file; false too where that cannot be told (a name too long, a folder that is closed).
+// Whether it is there and a file; false too where that cannot be told (a name too long, a folder that is
+// closed).
 bool is_file(const std::filesystem::path& path);
 
 // The whole content of a file. Throws InputError when it cannot be read.

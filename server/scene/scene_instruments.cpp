@@ -81,16 +81,14 @@ RemovalSettings read_removal(const YamlMap& yaml) {
 
 std::filesystem::path device_file_of(const YamlMap& yaml) {
   const std::filesystem::path file = device_path(yaml.text("device"), yaml.folder());
-  if (!is_file(file))
-    throw yaml.error("device", no_such_device(yaml.text("device"), file));
+  if (!is_file(file)) throw yaml.error("device", no_such_device(yaml.text("device"), file));
   return file;
 }
 
 // Of a name that stands on the command line, not in the scene.
 std::filesystem::path device_file_of(const std::string& name) {
   const std::filesystem::path file = device_path(name, std::filesystem::current_path());
-  if (!is_file(file))
-    throw InputError(file, 0, "device", no_such_device(name, file));
+  if (!is_file(file)) throw InputError(file, 0, "device", no_such_device(name, file));
   return file;
 }
 
