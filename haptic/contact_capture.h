@@ -6,6 +6,10 @@
 // Units: m, N, s.
 #pragma once
 
+#include <cstdint>
+
+#include "haptic/channel.h"
+#include "haptic/haptic_step.h"
 #include "physics/contact/contact_solve.h"
 
 namespace hapticd {
@@ -21,6 +25,31 @@ struct ContactCapture {
   SolveStatus status = SolveStatus::solved;  // what came out
   double residual = 0;
   EachInstrument<Vec6> wrench;
+};
+
+// Which solves are captured: those that ended at a cap, and every `every`-th one (0: none else), at most one
+// in 20 ticks, each for about 0.1 ms. One thread; wait-free, no allocation.
+class ContactCaptures {
+ public:
+  // The channel must outlive it.
+  void into(Channel<ContactCapture>& captures, std::uint64_t every) noexcept {
+    captures_ = &captures;
+    every_ = every;
+  }
+  // What the next solve begins with.
+  void before(const ContactState& state) noexcept {
+    if (captures_) before_ = state;
+  }
+  // problem: what was solved, with the outcome in `state`.
+  void after(const CondensedProblem& problem, const HapticState& state,
+             const HapticOptions& options) noexcept;
+  bool asked_for() const noexcept { return captures_ != nullptr; }
+
+ private:
+  Channel<ContactCapture>* captures_ = nullptr;
+  std::uint64_t every_ = 0, solves_ = 0;
+  std::uint64_t last_ = 0;  // its tick
+  ContactState before_;
 };
 
 }  // namespace hapticd

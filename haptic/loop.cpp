@@ -199,8 +199,8 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
   if (record_) record(input);
 
   // What was solved: the published problem, or the patch made from it.
-  if (captures_ && state.solved)
-    capture(state.patch.step > 0 ? state.patch.problem : *tick_->problem(), state);
+  if (captures_.asked_for() && state.solved)
+    captures_.after(state.patch.step > 0 ? state.patch.problem : *tick_->problem(), state, options());
   bool armed = true;
   for (int i = 0; i < devices(); ++i) {
     statistics_[i].write.record(written - solved);
@@ -242,7 +242,7 @@ void HapticLoop::retune() noexcept {
 
 // When it was solved.
 std::int64_t HapticLoop::solve_by_clock(HapticInput& input) noexcept {
-  if (captures_) before_ = tick_->state().contact;
+  captures_.before(tick_->state().contact);
   if (record_) record_->clock.count = 0;
   const std::int64_t begun = monotonic_ns();
   const SolveClock clock{begun + options().solve_budget_ns, record_ ? &record_->clock : nullptr};
@@ -332,37 +332,6 @@ void HapticLoop::count_page_faults(bool armed) noexcept {
     const auto faults = static_cast<std::uint64_t>(page_faults_of_thread() - faults_before_);
     for (LoopStatistics& s : statistics_.value) s.page_faults.store(faults, relaxed);
   }
-}
-
-void HapticLoop::capture_into(Channel<ContactCapture>& captures, std::uint64_t every) {
-  captures_ = &captures;
-  capture_every_ = every;
-}
-
-void HapticLoop::capture(const CondensedProblem& problem, const HapticState& state) noexcept {
-  constexpr std::uint64_t ticks_between = 20;
-  ++solves_;
-  // A tick that had a removal in it may have been solved in two parts.
-  if (problem.topology_changed && state.patch.step > 0 &&
-      state.patch.period < 0.9e-9 * static_cast<double>(options().watchdog.period_ns))
-    return;
-  const SolveStatus status = state.solution.status;
-  const bool capped = status != SolveStatus::solved && status != SolveStatus::not_finite;
-  if (!capped && (capture_every_ == 0 || solves_ % capture_every_ != 0)) return;
-  if (last_capture_ > 0 && state.tick - last_capture_ < ticks_between) return;
-  last_capture_ = state.tick;
-  ContactCapture& c = captures_->back();
-  copy_in_use(problem, c.problem);
-  c.state = before_;
-  c.X = state.X;
-  c.period = 1e-9 * static_cast<double>(options().watchdog.period_ns);
-  c.margin = options().contact.margin;
-  c.linearisations = options().contact.linearisations;
-  c.tolerance = options().contact.coulomb.tolerance;
-  c.status = capped ? SolveStatus::iteration_cap : SolveStatus::solved;
-  c.residual = state.solution.residual;
-  c.wrench = state.solution.wrench;
-  captures_->publish();
 }
 
 void HapticLoop::count(int i, const ForceSample& force) noexcept {

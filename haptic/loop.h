@@ -93,9 +93,10 @@ class HapticLoop {
   HapticLoop(const HapticLoop&) = delete;
   HapticLoop& operator=(const HapticLoop&) = delete;
 
-  // Captures solves that ended at a cap, and every `every`-th one (0: none else), at most one in 20 ms, each
-  // for about 0.1 ms. Before start; the channel must outlive the loop.
-  void capture_into(Channel<ContactCapture>& captures, std::uint64_t every);
+  // ContactCaptures::into. Before start.
+  void capture_into(Channel<ContactCapture>& captures, std::uint64_t every) noexcept {
+    captures_.into(captures, every);
+  }
 
   // What the simulation is told is copied there too, for an edge (server/edge). Before start; the channel
   // must outlive the loop.
@@ -133,7 +134,6 @@ class HapticLoop {
   void take_next() noexcept;
   std::int64_t next_slot(std::int64_t intended_ns) noexcept;
   void count(int device, const ForceSample& force) noexcept;
-  void capture(const CondensedProblem& problem, const HapticState& state) noexcept;
   void count_page_faults(bool armed) noexcept;
 
   const HapticOptions& options() const noexcept { return tick_->options(); }
@@ -152,11 +152,7 @@ class HapticLoop {
   Channel<InstrumentInputs>* copies_ = nullptr;
   SpscQueue<TickRecord>* records_ = nullptr;
   std::unique_ptr<TickRecord> record_;  // where `records_` is
-  Channel<ContactCapture>* captures_ = nullptr;
-  std::uint64_t capture_every_ = 0;
-  std::uint64_t solves_ = 0;
-  std::uint64_t last_capture_ = 0;  // its tick
-  ContactState before_;             // of this tick's solve, where captures are asked for
+  ContactCaptures captures_;
   const LoopTiming timing_;
   std::int64_t last_woken_ns_ = 0;
   EachInstrument<int> answered_in_a_row_;  // ticks, as far as it matters

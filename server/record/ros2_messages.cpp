@@ -22,7 +22,9 @@ void put_vector(CdrWriter& out, const Vec3& v) {
 Stamp get_header(CdrReader& in) {
   Stamp stamp;
   stamp.ns = second * in.get<std::int32_t>();
-  stamp.ns += in.get<std::uint32_t>();
+  const auto nanoseconds = in.get<std::uint32_t>();
+  if (nanoseconds >= second) throw CdrError("has a second of " + std::to_string(nanoseconds) + " ns");
+  stamp.ns += nanoseconds;
   stamp.frame = in.text();
   return stamp;
 }

@@ -20,6 +20,11 @@ struct LinkTrouble {
   std::uint64_t seed = 1;
 };
 
+// What charts and trials try: one machine, a room, a house, a country, a continent, and what is lost there.
+inline constexpr LinkTrouble tried_links[] = {
+    {0, 0, 0},     {1e-3, 0, 0},        {1e-3, 0.5e-3, 0.05}, {5e-3, 0, 0},          {5e-3, 2e-3, 0.05},
+    {20e-3, 0, 0}, {20e-3, 5e-3, 0.05}, {100e-3, 0, 0},       {100e-3, 10e-3, 0.05}, {200e-3, 0, 0}};
+
 class VirtualLink {
  public:
   explicit VirtualLink(const LinkTrouble& trouble) : trouble_(trouble), random_(trouble.seed) {}

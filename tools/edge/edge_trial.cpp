@@ -90,9 +90,6 @@ ForceDifference worst(const Scene& scene, const OfflineResult& as_it_is, const O
   return all;
 }
 
-constexpr LinkTrouble links[] = {{0, 0, 0},     {1e-3, 0, 0},        {5e-3, 0, 0},  {5e-3, 2e-3, 0.05},
-                                 {20e-3, 0, 0}, {20e-3, 5e-3, 0.05}, {100e-3, 0, 0}};
-
 }  // namespace
 
 EdgeTrial try_edge(const Scene& scene, double seconds) {
@@ -102,7 +99,7 @@ EdgeTrial try_edge(const Scene& scene, double seconds) {
   trial.seconds = input.to - input.from;
   trial.rate = scene.rate;
   Progress progress("edge trial");
-  constexpr double runs = 2 + 2 * std::size(links);
+  constexpr double runs = 2 + 2 * std::size(tried_links);
   const auto part = [&progress](double run, const char* what) -> OfflineProgress {
     return [&progress, run, what](double fraction) {
       progress.show((run + fraction) / runs, what);
@@ -120,7 +117,7 @@ EdgeTrial try_edge(const Scene& scene, double seconds) {
   trial.force_max_rel = packing.max_rel;
   trial.force_peak = packing.peak;
   double run = 2;
-  for (const LinkTrouble& link : links) {
+  for (const LinkTrouble& link : tried_links) {
     LinkCost cost{.link = link};
     for (const bool tank : {false, true}) {
       OfflineOptions late;

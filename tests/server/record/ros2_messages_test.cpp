@@ -6,6 +6,7 @@
 #include "idl/ros2.h"
 #include <unistd.h>
 
+#include <cstring>
 #include <functional>
 #include <string>
 
@@ -154,6 +155,17 @@ TEST(Ros2Message, BigEndianIsReadAndAnythingElseRefused) {
   xcdr2[1] = 7;
   EXPECT_THROW(get_pose(xcdr2), CdrError);
   for (std::size_t n = 0; n < big.size(); ++n) EXPECT_THROW(get_pose(std::span(big).first(n)), CdrError) << n;
+}
+
+// Beyond it the seconds that are written would overflow.
+TEST(Ros2Message, ASecondHasAThousandMillionNanosecondsAtMost) {
+  CdrWriter out;
+  put_pose(out, {std::int64_t{INT32_MAX} * 1'000'000'000 + 999'999'999, ""}, {});
+  Bytes bytes(out.bytes().begin(), out.bytes().end());
+  EXPECT_EQ(get_pose(bytes).stamp.ns, std::int64_t{INT32_MAX} * 1'000'000'000 + 999'999'999);
+  const std::uint32_t beyond = 1'000'000'000;
+  std::memcpy(bytes.data() + 8, &beyond, sizeof beyond);
+  EXPECT_THROW(get_pose(bytes), CdrError);
 }
 
 // A length that would wrap around, or that promises more than there is.
