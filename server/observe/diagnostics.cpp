@@ -9,6 +9,7 @@
 #include "server/observe/dds_log.h"
 #include "server/observe/instrument_shape.h"
 #include "server/observe/log.h"
+#include "server/observe/operation_message.h"
 #include "server/os/realtime.h"
 #include "server/record/contact_capture_file.h"
 

@@ -52,12 +52,6 @@ struct SceneSnapshot {
   std::uint64_t operation_events = 0;  // of which `operation` has the newest
 };
 
-// As the topic has it: strings and sequences borrow from `measures`, the vectors and the scene's name.
-hapticd_msg_SceneOperation operation_message(std::uint32_t device_id, const std::string& scene,
-                                             const OperationMeasures& measures, std::uint64_t events,
-                                             std::vector<hapticd_msg_HandOperation>& hands,
-                                             std::vector<hapticd_msg_BodyOperation>& bodies);
-
 // The loop's statistics under the names that summaries use: haptic_rate_hz, haptic_deadline_misses,
 // slots_scheduled, slots_sent, slots_missed, slots_answered, wake_us, timer_us, solve_us,
 // write_us, interval_us, state_age_us, problem_age_ms (each p50, p99, p99_9, max, mean, count), force_peak_n,

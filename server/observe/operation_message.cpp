@@ -1,6 +1,6 @@
-// SceneOperation of an operation's measures.
+#include "server/observe/operation_message.h"
+
 #include "server/dds/borrowed.h"
-#include "server/observe/diagnostics.h"
 
 namespace hapticd {
 

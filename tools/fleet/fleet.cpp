@@ -8,6 +8,7 @@
 #include "server/observe/diagnostics.h"
 #include "server/observe/health.h"
 #include "tools/client/client.h"
+#include "tools/view/operation_json.h"
 
 namespace hapticd {
 namespace {
@@ -278,25 +279,9 @@ void Fleet::hear(const Origin& of, const hapticd_msg_SceneOperation& m, std::int
     return;
   }
   FleetOperation& o = s->operations[m.device_id];
-  o = {.scene = text_of(m.scene),
-       .event = text_of(m.event),
-       .event_who = text_of(m.event_who),
-       .time = m.time,
-       .event_time = m.event_time,
-       .event_value = m.event_value,
-       .events = m.events,
-       .hands = {},
-       .bodies = {},
-       .heard_ns = now_ns};
-  for (std::uint32_t i = 0; i < m.hands._length; ++i) {
-    const hapticd_msg_HandOperation& h = m.hands._buffer[i];
-    o.hands.push_back({h.path, h.touching, h.emulsifying, h.aspirating, h.force_most});
-  }
-  for (std::uint32_t i = 0; i < m.bodies._length; ++i) {
-    const hapticd_msg_BodyOperation& b = m.bodies._buffer[i];
-    o.bodies.push_back({text_of(b.name), b.deformable, b.volume_gone, b.strain_most, b.touched, b.touch_most,
-                        b.pieces, b.pieces_most, b.crumbs, b.loose});
-  }
+  o = {.scene = text_of(m.scene), .gone_most = 0, .figures = operation_json(m)};
+  for (std::uint32_t i = 0; i < m.bodies._length; ++i)
+    o.gone_most = std::max(o.gone_most, static_cast<double>(m.bodies._buffer[i].volume_gone));
 }
 
 void Fleet::leave(const ProgramKey& program) {

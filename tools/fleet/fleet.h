@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -89,22 +90,10 @@ struct FleetDevice {
   bool armed() const noexcept { return live() && (status & 1) == 0; }
 };
 
-struct FleetHand {
-  float path = 0, touching = 0, emulsifying = 0, aspirating = 0, force_most = 0;
-};
-struct FleetBody {
-  std::string name;
-  bool deformable = false;
-  float gone = 0, strain_most = 0, touched = 0, touch_most = 0;
-  std::uint32_t pieces = 0, pieces_most = 0, crumbs = 0, loose = 0;
-};
 struct FleetOperation {
-  std::string scene, event, event_who;
-  double time = 0, event_time = 0, event_value = 0;
-  std::uint32_t events = 0;
-  std::vector<FleetHand> hands;
-  std::vector<FleetBody> bodies;
-  std::int64_t heard_ns = 0;
+  std::string scene;
+  double gone_most = 0;            // of a body, a share of its volume
+  nlohmann::ordered_json figures;  // operation_json.h
 };
 
 struct Station {

@@ -40,34 +40,6 @@ Json device_json(const FleetDevice& d) {
   return j;
 }
 
-Json operation_json(std::uint32_t device_id, const FleetOperation& o) {
-  Json j = {{"device_id", device_id}, {"scene", o.scene}, {"time_s", real(o.time, 1)}};
-  for (const FleetHand& h : o.hands)
-    j["hands"].push_back({{"path_m", real(h.path, 4)},
-                          {"touching_s", real(h.touching, 1)},
-                          {"emulsifying_s", real(h.emulsifying, 1)},
-                          {"aspirating_s", real(h.aspirating, 1)},
-                          {"sim_force_most_n", real(h.force_most, 3)}});
-  for (const FleetBody& b : o.bodies) {
-    Json of = {{"name", b.name}, {"touched_s", real(b.touched, 1)}, {"touch_most_n", real(b.touch_most, 3)}};
-    if (b.deformable)
-      of.update({{"volume_gone_share", real(b.gone, 4)},
-                 {"pieces", b.pieces},
-                 {"pieces_most", b.pieces_most},
-                 {"crumbs", b.crumbs},
-                 {"pieces_loose", b.loose},
-                 {"strain_most", real(b.strain_most, 3)}});
-    j["bodies"].push_back(std::move(of));
-  }
-  j["events"] = o.events;
-  if (o.events > 0)
-    j["newest_event"] = {{"t", real(o.event_time, 2)},
-                         {"what", o.event},
-                         {"who", o.event_who},
-                         {"value", real(o.event_value, 3)}};
-  return j;
-}
-
 // Of the devices, or of what a simulation without any says.
 std::string scene_of(const Station& s) {
   if (!s.devices.empty()) return s.devices.begin()->second.scene;
@@ -86,8 +58,7 @@ std::string shown_name(const Station& s) { return s.name.empty() ? "(no name)" :
 
 double gone_of(const Station& s) {
   double most = 0;
-  for (const auto& [id, o] : s.operations)
-    for (const FleetBody& b : o.bodies) most = std::max(most, static_cast<double>(b.gone));
+  for (const auto& [id, o] : s.operations) most = std::max(most, o.gone_most);
   return most;
 }
 
@@ -157,7 +128,7 @@ Json to_json(const Station& s, std::int64_t now_ns) {
             {"faults", Json::array()},
             {"lines", Json::array()}};
   for (const auto& [key, d] : s.devices) j["devices"].push_back(device_json(d));
-  for (const auto& [id, o] : s.operations) j["operation"].push_back(operation_json(id, o));
+  for (const auto& [id, o] : s.operations) j["operation"].push_back(o.figures);
   for (const StationFault& f : s.faults)
     j["faults"].push_back({{"what", f.what}, {"detail", f.detail}, {"severe", f.severe}});
   for (const FaultLine& l : s.lines) {

@@ -3,6 +3,7 @@
 #include <span>
 
 #include "haptic/loop.h"
+#include "tools/view/operation_json.h"
 #include "tools/view/page_service.h"
 
 namespace hapticd {
@@ -94,12 +95,19 @@ std::string health_json(const hapticd_msg_ServerHealth& m) {
       .dump();
 }
 
+SharedMessage operation_text(const hapticd_msg_SceneOperation& m) {
+  nlohmann::ordered_json json = operation_json(m);
+  json["kind"] = "operation";
+  return page_text("operation", json.dump());
+}
+
 LiveSource::LiveSource(const Participant& participant)
     : geometry_(participant),
       update_(participant),
       instrument_(participant),
       status_(participant),
       health_(participant),
+      operation_(participant),
       made_ns_(monotonic_ns()) {
   dds_domainid_t id = 0;
   if (dds_get_domainid(participant.handle(), &id) == DDS_RETCODE_OK) domain_ = id;
@@ -137,6 +145,13 @@ std::vector<SharedMessage> LiveSource::poll(bool watched) {
     health_of_[m.device_id] = nlohmann::json::parse(json);
     out.push_back(page_text("health/" + std::to_string(m.device_id), std::move(json)));
   });
+  // Of devices with a tissue each the first one's is shown.
+  operation_.take_each([&](const hapticd_msg_SceneOperation& m, const dds_sample_info_t&) {
+    if (!operation_of_ || m.device_id <= *operation_of_) {
+      operation_of_ = m.device_id;
+      out.push_back(operation_text(m));
+    }
+  });
   const std::int64_t now_ns = monotonic_ns();
   bool news = !said_;
   status_.take_each([&](const hapticd_msg_ServerStatus& m, const dds_sample_info_t&) {
@@ -145,7 +160,10 @@ std::vector<SharedMessage> LiveSource::poll(bool watched) {
     news = true;
   });
   const bool daemon = status_ns_ > 0 && now_ns - status_ns_ < silence_ns;
-  if (daemon != daemon_ && !daemon) devices_.clear();
+  if (daemon != daemon_ && !daemon) {
+    devices_.clear();
+    operation_of_.reset();
+  }
   news = news || daemon != daemon_;
   daemon_ = daemon;
   said_ = true;

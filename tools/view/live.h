@@ -5,6 +5,7 @@
 // as gone when no status has come for a second. Messages beside those of the scene (scene.h):
 //   status     JSON: whether there is a daemon, and per device what ServerStatus says
 //   health/D   JSON: what ServerHealth says of device D
+//   operation  JSON: what the operation has come to (operation_json.h), of the world that is shown
 // Times are this process's, since it was made [s]. Thread safety: one thread. Errors: std::runtime_error
 // (DDS).
 #pragma once
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,6 +27,7 @@ std::string status_json(bool daemon, std::uint32_t domain,
                         const std::map<std::uint32_t, nlohmann::json>& devices);
 nlohmann::json device_json(const hapticd_msg_ServerStatus& m);
 std::string health_json(const hapticd_msg_ServerHealth& m);
+SharedMessage operation_text(const hapticd_msg_SceneOperation& m);
 
 class LiveSource {
  public:
@@ -46,10 +49,12 @@ class LiveSource {
   Reader<hapticd_msg_SceneInstrument> instrument_;
   Reader<hapticd_msg_ServerStatus> status_;
   Reader<hapticd_msg_ServerHealth> health_;
+  Reader<hapticd_msg_SceneOperation> operation_;
   ViewScene scene_;
   std::map<std::uint32_t, nlohmann::json> devices_, health_of_;
   std::int64_t made_ns_, status_ns_ = 0;
   std::uint32_t domain_ = 0;
+  std::optional<std::uint32_t> operation_of_;  // a world's first device
   bool daemon_ = false, said_ = false;
 };
 

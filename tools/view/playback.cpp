@@ -4,10 +4,12 @@
 #include <cmath>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "server/observe/diagnostics.h"
 #include "server/observe/instrument_shape.h"
+#include "server/observe/operation_message.h"
 #include "server/record/bag_reader.h"
 #include "server/record/trajectory_reader.h"
 #include "server/scene/scene_describe.h"
@@ -31,6 +33,7 @@ struct Frame {
   std::vector<float> contacts;
   std::uint32_t removed = 0, aspirated = 0, status = 0;
   std::vector<BodyReport> compliance;
+  SharedMessage operation;
 };
 
 Trajectory read(const std::string& file, const std::string& topic) {
@@ -136,10 +139,16 @@ struct Playback::State {
     ForceBlocks blocks;
     std::uint64_t blocks_kept_here = 0;
     ReplaySinks sinks;
+    std::optional<Operation> operation;
     sinks.step = [&](const ReplayedStep& step) {
       aspirated += static_cast<std::uint32_t>(step.report.fragments_aspirated);
-      if (step.slot < 0 || steps++ % every != 0) return;
-      add(frame_of(step, aspirated));
+      if (step.slot < 0) return;
+      if (!operation) operation.emplace(step.world, 1 / scene.rate);
+      operation->follow(step.world, step.report, step.samples);
+      if (steps++ % every != 0) return;
+      const std::shared_ptr<Frame> frame = frame_of(step, aspirated);
+      frame->operation = operation_of(*operation);
+      add(frame);
     };
     sinks.tick = [&](const ReplayedTick& tick) {
       if (stopping) throw Stopped{};
@@ -185,6 +194,15 @@ struct Playback::State {
     frame->status = first.force.status;
     frame->compliance = step.report.compliance;
     return frame;
+  }
+  // As a daemon would say it.
+  SharedMessage operation_of(const Operation& operation) const {
+    OperationMeasures measures;
+    const std::uint64_t events = operation.newest(measures);
+    std::vector<hapticd_msg_HandOperation> hands;
+    std::vector<hapticd_msg_BodyOperation> bodies;
+    return operation_text(
+        operation_message(scene.first().device.id, scene.name, measures, events, hands, bodies));
   }
   void add(std::shared_ptr<const Frame> frame) {
     const std::lock_guard lock(mutex);
@@ -328,6 +346,7 @@ std::vector<SharedMessage> Playback::poll() {
     s.said_status = s.now;
     out.push_back(s.status_of(*frame));
     out.push_back(s.health_of(*frame));
+    out.push_back(frame->operation);
     s.news = true;
   }
   if (s.news || std::abs(ready - s.said_ready) > 0.5) {

@@ -6,7 +6,7 @@
 // with the first frame; the timeline ends where the computing has come to. Viewers share one timeline. Texts
 // understood:
 //   {"timeline": {"playing": true}}   {"timeline": {"seek": 3.5}}   {"timeline": {"speed": 0.5}}
-// and it says, beside the scene's messages (scene.h), status and health/0 as a live daemon's, and
+// and it says, beside the scene's messages (scene.h), status, health/0 and operation as a live daemon's, and
 //   timeline   JSON: t, duration, ready [s], playing, speed, name, done, failure
 // Memory: about 20 kB a frame of the published lens; recordings above ten minutes are refused.
 // Thread safety: one thread. Errors: InputError for a recording or scene that cannot be read, UsageError for

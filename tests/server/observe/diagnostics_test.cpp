@@ -10,6 +10,8 @@
 
 #include <gtest/gtest.h>
 
+#include "server/observe/operation_message.h"
+
 namespace hapticd {
 namespace {
 

@@ -4,6 +4,7 @@ import { CUT_FACE, LOOSE_PIECE, TISSUE, cividis, css, variable } from './colour.
 import { connect } from './connection.js';
 import { Hand } from './hand.js';
 import { Instruments, accentOf } from './instrument.js';
+import { Operation } from './operation.js';
 import { Stage } from './stage.js';
 import { Strip } from './strip.js';
 import { theme } from './theme.js';
@@ -16,6 +17,7 @@ const LOOKS = ['solid', 'glass', 'hidden'];
 const stage = new Stage($('canvas'));
 const tools = new Instruments();
 const strip = new Strip();
+const operation = new Operation();
 const bodies = new Map();
 const counts = { states: 0, errors: [] };
 let scene = { bodies: [], instruments: [] };
@@ -70,11 +72,13 @@ function take(message) {
       break;
     case 'status':
       strip.takeStatus(message);
+      if (!message.daemon) operation.clear();
       if (tools.ghosts(message.devices)) stage.touch();
       name(message);
       banner();
       return;
     case 'health': strip.takeHealth(message); hand.setMap(message); return;
+    case 'operation': operation.take(message); return;
     case 'timeline': recorded = true; timeline.take(message); return;
     case 'hand': hand.take(message); return;
   }
@@ -102,6 +106,7 @@ function takeScene(message) {
   tools.setShapes(message.instruments);
   tools.ghosts(strip.status.devices);
   strip.takeScene(message);
+  operation.takeScene(message);
   buttons();
   size();
   recolour();
@@ -266,7 +271,7 @@ window.hapticView = {
     ratio: stage.ratio, removed: [...bodies.values()].reduce((n, b) => n + b.removed, 0),
     triangles: [...bodies.values()].reduce((n, b) => n + b.triangles(), 0),
     cut: [...bodies.values()].reduce((n, b) => n + b.cutTriangles(), 0),
-    blocks: strip.blocks, force: largest(strip.force), contacts: tools.contacts.length,
+    happened: operation.happened.length, blocks: strip.blocks, force: largest(strip.force), contacts: tools.contacts.length,
     tools: tools.list.map(i => ({ name: i.name, device: i.device, shown: i.body.visible, held: !i.steel.transparent, contacts: i.contacts.length })),
     traces: strip.traces().map(t => ({ id: t.id, name: t.name, force: largest(t.force), blocks: t.blocks })),
   }),
