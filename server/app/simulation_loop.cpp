@@ -1,9 +1,5 @@
 #include "server/app/simulation_loop.h"
 
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
-
 #include <cmath>
 #include <limits>
 
@@ -13,12 +9,6 @@
 
 namespace hapticd {
 namespace {
-
-// A reference factor may wait; the step on the same core may not. Refused or not, nothing depends on it.
-void be_nice() {
-  constexpr int lowest = 19;
-  setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), lowest);
-}
 
 // One writer.
 void raise(std::atomic<double>& largest, double value) {
@@ -42,10 +32,7 @@ SimulationLoop::~SimulationLoop() { stop(); }
 
 void SimulationLoop::start(std::function<void()> on_thread) {
   stopping_ = false;
-  references_.start([] {
-    name_thread("references");
-    be_nice();
-  });
+  references_.start([] { name_thread("references"); });
   thread_ = std::thread([this, on_thread = std::move(on_thread)] {
     name_thread("simulation");
     if (on_thread) on_thread();

@@ -161,12 +161,15 @@ void WorldSession::abandon() noexcept {
   haptic_->withhold(false);
 }
 
-void WorldSession::start_simulation() {
-  now_->loop->start([this] {
+Grant WorldSession::start_simulation() {
+  std::promise<Grant> granted;
+  now_->loop->start([this, &granted] {
     // With one core there is nothing to keep apart.
     if (options_.realtime_core != options_.simulation_core) use_core(options_.simulation_core);
     prefault_heap(simulation_heap);
+    granted.set_value(use_nice(simulation_nice));
   });
+  return granted.get_future().get();
 }
 
 std::vector<LoopDevice> WorldSession::loop_devices() {
@@ -192,10 +195,11 @@ WorldSession::~WorldSession() {
 std::vector<Grant> WorldSession::start_loops() {
   prefault_heap(sample_heap);
   if (schedule_) schedule_->start(options_.realtime_core);
-  start_simulation();
+  std::vector<Grant> granted = {start_simulation()};
   if (edge_) edge_->start();
-  if (devices_here_ == 0) return {};
-  return start_haptic_thread(*haptic_, options_.realtime_core);
+  if (devices_here_ == 0) return granted;
+  for (Grant& g : start_haptic_thread(*haptic_, options_.realtime_core)) granted.push_back(std::move(g));
+  return granted;
 }
 
 void WorldSession::start_diagnostics(const std::vector<Grant>& grants) {

@@ -128,7 +128,7 @@ class WorldSession {
   HapticOptions loop_options(const Scene& scene) const;
   std::vector<DeviceSettings> as_answered(std::vector<DeviceSettings> devices) const;
   bool has_edge() const noexcept { return devices_here_ < devices(); }
-  void start_simulation();
+  Grant start_simulation();
 
   const Device& device(int i) const noexcept { return devices_[static_cast<std::size_t>(i)]; }
   std::vector<LoopDevice> loop_devices();

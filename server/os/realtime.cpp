@@ -89,6 +89,14 @@ Grant use_fifo(int priority) {
                 "give CAP_SYS_NICE, or a real-time limit: ulimit -r 90, LimitRTPRIO=90 in the unit");
 }
 
+Grant use_nice(int nice) {
+  const int error = setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), nice) == 0 ? 0 : errno;
+  return answer("nice " + std::to_string(nice), error,
+                "give CAP_SYS_NICE, or a limit: LimitNICE=" + std::to_string(nice) +
+                    " in the unit, a line '@GROUP - nice " + std::to_string(nice) +
+                    "' in /etc/security/limits.d/");
+}
+
 Grant use_core(int core) {
   return answer("core " + std::to_string(core), set_cores({core}), "choose one of the process's own cores");
 }

@@ -12,18 +12,23 @@
 namespace hapticd {
 
 struct Grant {
-  std::string what;     // "SCHED_FIFO 80", "mlockall", …
+  std::string what;  // "SCHED_FIFO 80", "mlockall", …
   bool granted = false;
-  std::string detail;   // why not, and what would help; empty when granted
+  std::string detail;  // why not, and what would help; empty when granted
 };
 
 // The haptic loop's priority, the highest that the daemon uses.
 inline constexpr int haptic_priority = 80;
 
-// Of every other thread that calls Cyclone, as of Cyclone's own that are not in a sample's way (config/dds). All
-// of them share locks with the haptic loop, which inherit no priority: an ordinary thread that is put aside
-// while it holds one stops the loop for as long as the machine is busy.
+// Of every other thread that calls Cyclone, as of Cyclone's own that are not in a sample's way (config/dds).
+// All of them share locks with the haptic loop, which inherit no priority: an ordinary thread that is put
+// aside while it holds one stops the loop for as long as the machine is busy.
 inline constexpr int dds_priority = 45;
+
+// The simulation's: it goes before ordinary programs on its core, its own maker of reference factors among
+// them. That maker is an ordinary program: after them it would be late whenever they keep the cores busy, and
+// each step then pays for what its factor does not cover.
+inline constexpr int simulation_nice = -10;
 
 // Whether this process may use SCHED_FIFO up to that priority, tried on a thread that ends at once.
 bool realtime_allowed(int priority = haptic_priority);
@@ -53,11 +58,13 @@ std::vector<int> process_cores();
 // Calling thread.
 void name_thread(const char* name) noexcept;  // as ps and top show it; 15 characters
 Grant use_fifo(int priority);
+Grant use_nice(int nice);
 Grant use_core(int core);
 // Calling thread and those it makes: any of its cores but this one, where there is another.
 void leave_core(int core) noexcept;
-// Calling thread and those it makes, of a program that only looks on: after ordinary programs (nice 10), and off the
-// core that a daemon with the same cores gives to its haptic thread, the last one, where there is another.
+// Calling thread and those it makes, of a program that only looks on: after ordinary programs (nice 10), and
+// off the core that a daemon with the same cores gives to its haptic thread, the last one, where there is
+// another.
 void stand_back() noexcept;
 // Touches 512 KiB of stack below the caller, so that no later call faults there.
 void prefault_stack() noexcept;

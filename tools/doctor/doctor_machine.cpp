@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <thread>
 
 #include "physics/compliance/blas_threads.h"
 #include "server/os/core_isolation.h"
@@ -73,6 +74,16 @@ Finding scheduling() {
   return {"scheduling", Health::warn, found,
           "as a service LimitRTPRIO=90 is set; else a line '@GROUP - rtprio 90' in /etc/security/limits.d/, "
           "or ulimit -r 90"};
+}
+
+// Tried on a thread that ends at once.
+Finding simulation_first() {
+  Grant grant;
+  std::thread([&grant] { grant = use_nice(simulation_nice); }).join();
+  if (grant.granted) return {"simulation first", Health::pass, grant.what + " granted", ""};
+  return {"simulation first", Health::warn,
+          grant.what + " refused: steps are late where other programs keep the simulation's core busy",
+          grant.detail};
 }
 
 // CAP_IPC_LOCK: a limit of nothing does not bind then.
@@ -154,7 +165,8 @@ Finding blas() {
 }  // namespace
 
 std::vector<Finding> check_machine() {
-  return {kernel(), cores(), kernel_threads(), scheduling(), memory(), clock(), idle(), governor(), blas()};
+  return {kernel(), cores(), kernel_threads(), scheduling(), simulation_first(),
+          memory(), clock(), idle(),           governor(),   blas()};
 }
 
 }  // namespace hapticd

@@ -1,8 +1,14 @@
-#include <fstream>
-
-#include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "server/os/realtime.h"
 #include "tests/tools/daemon/watchdog_fixture.h"
 
 namespace hapticd {
@@ -36,10 +42,34 @@ TEST(Degraded, WithoutPrivilegesTheDaemonAnnouncesItAndAnswers) {
   }
   EXPECT_NE(refused.find("SCHED_FIFO"), std::string::npos) << refused;
   EXPECT_NE(refused.find("mlockall"), std::string::npos) << refused;
+  EXPECT_NE(refused.find("nice -10"), std::string::npos) << refused;
   std::ifstream in(log);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   EXPECT_NE(text.find("not granted: SCHED_FIFO"), std::string::npos) << text;
   EXPECT_NE(text.find("degraded"), std::string::npos) << text;
+}
+
+// Reference factors that are made after everybody else's programs come late whenever a core is busy.
+TEST(Priorities, TheSimulationGoesFirstAndItsReferencesAreAnOrdinaryProgram) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root may go before others";
+  const Domain domain(test_domain(), read_dds_profile("loopback"));
+  const Participant participant(domain);
+  const ScratchDirectory scratch;
+  Child daemon({.command = {BIN_DIR "/hapticd", SOURCE_DIR "/config/scenes/cube/cube.yaml", "--domain",
+                            std::to_string(domain.id())},
+                .output = scratch.file("daemon.log")});
+  ScriptedClient client(participant);
+  ASSERT_TRUE(client.await(patience_ms, [](const Force&) { return true; }));
+  std::map<std::string, int> nice;
+  for (const auto& task :
+       std::filesystem::directory_iterator("/proc/" + std::to_string(daemon.pid()) + "/task")) {
+    std::string name;
+    std::getline(std::ifstream(task.path() / "comm") >> std::ws, name);
+    nice[name] = getpriority(PRIO_PROCESS, static_cast<id_t>(std::stoi(task.path().filename())));
+  }
+  ASSERT_TRUE(nice.contains("simulation") && nice.contains("references"));
+  EXPECT_EQ(nice["simulation"], simulation_nice);
+  EXPECT_EQ(nice["references"], getpriority(PRIO_PROCESS, 0));  // as who starts a daemon has it
 }
 
 }  // namespace

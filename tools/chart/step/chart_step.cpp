@@ -1,9 +1,5 @@
 #include "tools/chart/step/chart_step.h"
 
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -12,6 +8,7 @@
 
 #include "haptic/loop.h"
 #include "server/app/reference_maker.h"
+#include "server/os/realtime.h"
 #include "server/scene/scene_world.h"
 #include "tools/chart/step/drawn_blade.h"
 #include "tools/chart/step/travelling_tip.h"
@@ -25,8 +22,6 @@ constexpr double period = 0.02;       // [s]
 constexpr double latch_after = 1e-3;  // of a step's begin [s]
 constexpr int warm_up = 25;           // steps that are not counted: first contact, first bases
 constexpr int fewest_steps = 10;
-
-void be_nice() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), 19); }
 
 // In place of the tip: cuts as deep as that, from the first one through the middle on.
 BladePath put_blade(Scene& scene, double depth) {
@@ -50,6 +45,30 @@ bool keeps_references(ComplianceMethod method) {
 
 int median(std::vector<double> values) { return static_cast<int>(quantiles(std::move(values)).p50); }
 
+// The simulation's place among ordinary programs, where that is allowed, while it lives.
+class ScopedNice {
+ public:
+  ScopedNice() { use_nice(simulation_nice); }
+  ~ScopedNice() { use_nice(0); }
+  ScopedNice(const ScopedNice&) = delete;
+  ScopedNice& operator=(const ScopedNice&) = delete;
+};
+
+// Another program on the simulation's core while it lives.
+class BusyCore {
+ public:
+  explicit BusyCore(bool busy) {
+    if (busy)
+      thread_ = std::jthread([](const std::stop_token& ended) {
+        use_core(process_cores().front());
+        while (!ended.stop_requested()) continue;
+      });
+  }
+
+ private:
+  std::jthread thread_;
+};
+
 // The simulation thread's loop, on this one.
 class StepRun {
  public:
@@ -69,10 +88,13 @@ class StepRun {
     world_ = make_world(scene_, settings);
     // As the daemon does before its clock starts.
     world_->step([] { return InstrumentSample{}; }, *problem_);
-    bases_.start(be_nice);
+    bases_.start();
   }
 
   StepPoint run(const std::function<bool(double)>& progress) {
+    const BusyCore busy(case_.busy);
+    const ScopedCore own(process_cores().front());
+    const ScopedNice first;
     const std::int64_t begun = monotonic_ns();
     std::int64_t intended = begun;
     for (int k = 0; k < warm_up + case_.steps; ++k) {
@@ -132,6 +154,7 @@ class StepRun {
     std::erase_if(done_, [](const Step& s) { return !s.counts; });
     point_.nodes_added =
         world_->bodies()[0].model.nodes_in_use - static_cast<int>(scene_.bodies[0].mesh.nodes.size());
+    point_.busy = case_.busy;
     point_.model = case_.corotational ? "corotational" : "linear";
     point_.compliance = name_of(case_.method);
     point_.nodes = static_cast<int>(scene_.bodies[0].mesh.nodes.size());

@@ -2,11 +2,12 @@
 //
 // Each step is the daemon's (server/app/simulation_loop.h): adopt the bases that are ready, World::step, ask
 // for the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep
-// bases run at the daemon's cadence, a 50 Hz grid with the bases made by a thread of lowest priority; the
-// others one step after another. There is no haptic loop beside it. Friction is 0.1, geometry renewed.
-// Contacts are samples within the margin, of friction each: three rows of W. Instead of the tip, a blade can
-// be drawn through the lens (drawn_blade.h): then only steps in which it cuts are counted. Parts are
-// physics/part_times.h's. Units in the names.
+// bases run at the daemon's cadence, a 50 Hz grid with the bases made by a thread beside it, on the daemon's
+// core and at its priority; the others one step after another. `busy`: an ordinary program computes on that
+// core throughout. There is no haptic loop beside it. Friction is 0.1, geometry renewed. Contacts are samples
+// within the margin, of friction each: three rows of W. Instead of the tip, a blade can be drawn through the
+// lens (drawn_blade.h): then only steps in which it cuts are counted. Parts are physics/part_times.h's. Units
+// in the names.
 #pragma once
 
 #include <array>
@@ -37,6 +38,7 @@ struct StepCase {
   double cut_depth = 0;  // of a blade at 10 mm/s in place of the tip [m]
   int steps = 500;
   double seconds = 60;  // a slow case ends here, after ten steps at least
+  bool busy = false;
 };
 
 using StepParts = std::array<double, step_parts>;
@@ -50,6 +52,7 @@ struct StepPoint {
   int removed = 0;
   int split_steps = 0;  // in which the mesh was cut
   int nodes_added = 0;  // by cuts
+  bool busy = false;
   int bases = 0;
   double reference_ms_median = 0;  // on the other thread
   int uncovered_steps = 0;         // with patch nodes outside the zone

@@ -26,7 +26,7 @@ struct Options {
   bool force = false;
   std::vector<std::string> lenses, models, compliances;
   std::vector<std::string> parts = {"points", "tick", "factor"};
-  bool quick = false;
+  bool quick = false, busy = false;
   std::string lens = "1k";
   int zone = 60;
   int repeats = 51;
@@ -65,6 +65,7 @@ std::vector<StepCase> cases_of(const Options& options) {
         of.removals_per_s = zone ? removals_per_s : 0;
         of.steps = options.steps > 0 ? options.steps : options.quick ? 100 : zone ? 2000 : 500;
         of.seconds = options.quick ? 3 : zone ? 60 : 15;
+        of.busy = options.busy;
         cases.push_back(of);
       }
   }
@@ -82,6 +83,7 @@ nlohmann::ordered_json to_json(const StepPoint& p) {
                                  {"friction", true},
                                  {"steps", p.steps},
                                  {"removed", p.removed},
+                                 {"busy", p.busy},
                                  {"bases", p.bases},
                                  {"reference_ms_median", rounded(p.reference_ms_median, 2)},
                                  {"uncovered_steps", p.uncovered_steps},
@@ -281,6 +283,8 @@ Command add_chart_step(CLI::App& chart_app) {
   app->add_option("--compliances", options->compliances, "of the points; all four")
       ->delimiter(',')
       ->check(CLI::IsMember({"exact", "zone", "lazy", "updown"}));
+  app->add_flag("--busy", options->busy,
+                "of the points, while another program computes on the simulation's core");
   app->add_option("--steps", options->steps, "of each point, at most")->check(CLI::Range(1, 1000000));
   app->add_option("--lens", options->lens, "of the factor")->check(CLI::IsMember(names_of_lenses()));
   app->add_option("--zone", options->zone, "of the factor: nodes ordered last")->check(CLI::Range(0, 1000));
