@@ -103,6 +103,7 @@ void Operation::follow_hands(const StepReport& report, const InstrumentSamples& 
     if (sample.present && seen_[i]) hand.path += (tip - tip_before_[i]).norm();
     tip_before_[i] = tip;
     seen_[i] = sample.present;
+    hand.vacuum = sample.vacuum;
     if (!sample.present) continue;
     const double force = report.contact.wrench[static_cast<int>(i)].head<3>().norm();
     hand.touching += force > 0 ? period_ : 0;
@@ -143,7 +144,8 @@ nlohmann::ordered_json to_json(const OperationMeasures& measures) {
                              {"touching_s", hand.touching},
                              {"emulsifying_s", hand.emulsifying},
                              {"aspirating_s", hand.aspirating},
-                             {"sim_force_most_n", hand.force_most}});
+                             {"sim_force_most_n", hand.force_most},
+                             {"vacuum_pa", hand.vacuum}});
   for (const BodyMeasures& body : measures.bodies) {
     nlohmann::ordered_json of{
         {"name", body.name}, {"touched_s", body.touched}, {"touch_most_n", body.touch_most}};

@@ -1,9 +1,9 @@
 // What a trainer asks of an operation: how long, how far, how much went, and what was touched how hard.
 //
-//   hands[]   path of the tip [m], times touching, emulsifying, aspirating [s], largest force [N]
-//   bodies[]  share of its volume that is gone, pieces it has come to and most of them, smaller crumbs, how
-//   many
-//             of all are loose, largest strain, time touched [s], largest force of a touch [N]
+//   hands[]   path of the tip [m], times touching, emulsifying, aspirating [s], largest force [N],
+//             vacuum of its port now [Pa]
+//   bodies[]  share of its volume that is gone, pieces it has come to and most of them, smaller crumbs,
+//             how many of all are loose, largest strain, time touched [s], largest force of a touch [N]
 //   events[]  operation_events.h
 //
 // Of the simulation's steps, so that a replay in virtual time measures as the daemon does. Strain:
@@ -25,7 +25,7 @@ namespace hapticd {
 inline constexpr double crumb_share = 0.01;  // of a body's first volume: what is smaller is a crumb
 
 struct HandMeasures {
-  double path = 0, touching = 0, emulsifying = 0, aspirating = 0, force_most = 0;
+  double path = 0, touching = 0, emulsifying = 0, aspirating = 0, force_most = 0, vacuum = 0;
 };
 
 struct BodyMeasures {

@@ -23,7 +23,8 @@ Json operation_json(const hapticd_msg_SceneOperation& m) {
                           {"touching_s", real(h.touching, 1)},
                           {"emulsifying_s", real(h.emulsifying, 1)},
                           {"aspirating_s", real(h.aspirating, 1)},
-                          {"sim_force_most_n", real(h.force_most, 3)}});
+                          {"sim_force_most_n", real(h.force_most, 3)},
+                          {"vacuum_pa", real(h.vacuum, 0)}});
   }
   for (std::uint32_t i = 0; i < m.bodies._length; ++i) {
     const hapticd_msg_BodyOperation& b = m.bodies._buffer[i];

@@ -37,8 +37,10 @@ Scene tetrahedron() {
 
 // An event is of the newest; a body's loss is a share.
 TEST(Diagnostics, AnOperationsMessageHasItsMeasures) {
-  OperationMeasures m{
-      .time = 12.5, .hands = {{0.3, 4, 2, 1, 0.5}}, .bodies = {}, .events = {{3.5, "crack", "lens", 2}}};
+  OperationMeasures m{.time = 12.5,
+                      .hands = {{0.3, 4, 2, 1, 0.5, 2500}},
+                      .bodies = {},
+                      .events = {{3.5, "crack", "lens", 2}}};
   m.bodies.push_back({.name = "lens", .deformable = true, .volume = 2e-7, .volume_gone = 5e-8, .pieces = 4});
   std::vector<hapticd_msg_HandOperation> hands;
   std::vector<hapticd_msg_BodyOperation> bodies;
@@ -49,6 +51,7 @@ TEST(Diagnostics, AnOperationsMessageHasItsMeasures) {
   ASSERT_EQ(out.hands._length, 1u);
   EXPECT_FLOAT_EQ(out.hands._buffer[0].path, 0.3f);
   EXPECT_FLOAT_EQ(out.hands._buffer[0].force_most, 0.5f);
+  EXPECT_FLOAT_EQ(out.hands._buffer[0].vacuum, 2500);
   ASSERT_EQ(out.bodies._length, 1u);
   EXPECT_STREQ(out.bodies._buffer[0].name, "lens");
   EXPECT_FLOAT_EQ(out.bodies._buffer[0].volume_gone, 0.25f);

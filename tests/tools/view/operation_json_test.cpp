@@ -19,8 +19,10 @@ std::vector<std::string> keys_of(const nlohmann::ordered_json& json) {
 
 // Who reads the daemon's figures reads a viewer's: the same keys, and a body's loss as a share of its volume.
 TEST(OperationJson, HasTheKeysOfTheDaemonsOwnFigures) {
-  OperationMeasures m{
-      .time = 12.5, .hands = {{0.3, 4, 2, 1, 0.5}}, .bodies = {}, .events = {{3.5, "pieces", "lens", 2}}};
+  OperationMeasures m{.time = 12.5,
+                      .hands = {{0.3, 4, 2, 1, 0.5, 2500}},
+                      .bodies = {},
+                      .events = {{3.5, "pieces", "lens", 2}}};
   m.bodies.push_back({.name = "lens", .deformable = true, .volume = 2e-7, .volume_gone = 5e-8, .pieces = 4});
   m.bodies.push_back({.name = "cornea", .touched = 1.5, .touch_most = 0.25});
   std::vector<hapticd_msg_HandOperation> hands;
@@ -33,6 +35,7 @@ TEST(OperationJson, HasTheKeysOfTheDaemonsOwnFigures) {
   EXPECT_EQ(keys_of(said["bodies"][0]), keys_of(own["bodies"][0]));
   EXPECT_EQ(keys_of(said["bodies"][1]), keys_of(own["bodies"][1]));
   EXPECT_EQ(said["time_s"], 12.5);
+  EXPECT_EQ(said["hands"][0]["vacuum_pa"], 2500);
   EXPECT_EQ(said["bodies"][0]["volume_gone_share"], 0.25);
   EXPECT_EQ(said["bodies"][1]["touch_most_n"], 0.25);
   EXPECT_EQ(said["events"], 17);

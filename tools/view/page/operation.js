@@ -31,6 +31,7 @@ function words({ what, who, value }, hands) {
 export class Operation {
   constructor() {
     this.names = [];
+    this.draws = false;  // somebody has a pump
     this.happened = [];
   }
 
@@ -53,9 +54,11 @@ export class Operation {
   draw({ time_s, hands = [], bodies = [], events }) {
     $('operation').hidden = false;
     $('operation-time').textContent = `${(time_s ?? 0).toFixed(1)} s · ${many(events, 'event')}`;
-    $('operation-hands').innerHTML = table(['', 'touching', 'phaco', 'suction', 'path'],
+    this.draws ||= hands.some(h => h.vacuum_pa > 0);
+    const pump = this.draws ? ['vacuum'] : [], vacuum = h => this.draws ? [`${(1e-3 * (h.vacuum_pa ?? 0)).toFixed(1)} kPa`] : [];
+    $('operation-hands').innerHTML = table(['', 'touching', 'phaco', 'suction', ...pump, 'path'],
       hands.map((h, i) => [escape(this.names[i] ?? `hand ${i}`), seconds(h.touching_s), seconds(h.emulsifying_s),
-        seconds(h.aspirating_s), `${(1000 * (h.path_m ?? 0)).toFixed(0)} mm`]));
+        seconds(h.aspirating_s), ...vacuum(h), `${(1000 * (h.path_m ?? 0)).toFixed(0)} mm`]));
     $('operation-bodies').innerHTML = table(['', 'gone', 'pieces', 'loose', 'touched'],
       bodies.map(b => b.pieces === undefined ?
         [escape(b.name), '', '', '', b.touched_s > 0 ? force(b.touch_most_n) : 'never'] :
