@@ -220,6 +220,7 @@ ForceSample zero_output(ForceSample answer, DeviceState& d) noexcept {
 
 void forget_contact(HapticState& s) noexcept {
   s.contact.memory.count = 0;
+  s.contact.memory.outside = {};
   s.contact.coupling_offset = {};
   s.contact.frozen_step = 0;
   s.placed = {};

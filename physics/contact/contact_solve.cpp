@@ -163,6 +163,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
                    double margin, double period, const ContactOptions& options, ContactState& state,
                    ContactScratch& scratch, ContactSolution& out) noexcept {
   scratch.working = state.memory;
+  scratch.kept.outside = state.memory.outside;
   start_patch(problem, start.X_start, state.memory, scratch.x);
   out.instrument = start.X_start;
   const int linearisations = std::max(1, options.linearisations);
@@ -209,7 +210,9 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     if (!solve()) return;
     for (int again = 0; again < most_returns && usable() && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
-      if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin, end)) break;
+      if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin,
+                                     state.memory.outside, end))
+        break;
       build(&end);
       if (!solve()) return;
     }
@@ -261,10 +264,18 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
     if (X_device.present[i]) out.wrench[i] += problem.instrument[i].load;
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
   const PlacedInstruments placed(instruments, out.instrument);
-  for (int i = 0; i < instruments.count(); ++i)
+  for (int i = 0; i < instruments.count(); ++i) {
+    double lost = 0;
     if (placed.at(i))
-      out.penetration = std::max(
-          out.penetration, deepest_overlap(problem, *placed.at(i), i, scratch.rows, scratch.x, out.lost));
+      out.penetration = std::max(out.penetration,
+                                 deepest_overlap(problem, *placed.at(i), i, scratch.rows, scratch.x, lost));
+    out.lost = std::max(out.lost, lost);
+    bool& outside = state.memory.outside[i];
+    if (!placed.at(i) || problem.renewal == Renewal::frozen)
+      outside = false;
+    else if (serves(options, out))
+      outside = is_outside(problem, i, outside, scratch.rows, solved(scratch), scratch.x, lost);
+  }
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;
   else if (out.residual > options.usable_residual)

@@ -19,7 +19,7 @@ Vec3 sample_outward(const CondensedProblem& problem, const PatchPositions& x, in
 namespace {
 
 bool violates(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_lin,
-              const Vec6& moved, const PatchPositions& x_lin, double held, double margin,
+              const Vec6& moved, const PatchPositions& x_lin, double held, double margin, bool outside,
               const PatchPositions& x_end) noexcept {
   const auto instrument_at = [&](const Vec3& s) {
     return moved.head<3>().norm() + moved.tail<3>().norm() * (s - X_lin.p).norm();
@@ -40,7 +40,7 @@ bool violates(const CondensedProblem& problem, const Instrument& instrument, con
     for (const Gap& gap : GapsInReach(placed, s, reach))
       if (gap.distance >= held &&
           gap_reached(problem, k, s, gap, X_lin, moved, x_end) < (gap.distance < margin ? 0 : -margin) &&
-          gap.normal.dot(sample_outward(problem, x_lin, k)) < facing_away)
+          may_press(problem, k, gap, sample_outward(problem, x_lin, k), outside))
         return true;
   }
   return false;
@@ -52,7 +52,8 @@ bool meets_tissue(const CondensedProblem& problem, const PlacedInstrument& place
   return false;
 }
 
-bool meets(const Instrument& a, const Pose& X_a, const Instrument& b, const Pose& X_b, double reach) noexcept {
+bool meets(const Instrument& a, const Pose& X_a, const Instrument& b, const Pose& X_b,
+           double reach) noexcept {
   for (const Primitive& of_a : a.primitives)
     for (const Primitive& of_b : b.primitives)
       if (near(of_a, X_a, of_b, X_b, reach)) return true;
@@ -63,11 +64,24 @@ bool meets(const Instrument& a, const Pose& X_a, const Instrument& b, const Pose
 
 bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
-                               double margin, const Reached& end) noexcept {
+                               double margin, const EachInstrument<bool>& outside,
+                               const Reached& end) noexcept {
   const EachInstrument<Vec6> moved = difference(end.X, X_lin);
   for (int i = 0; i < instruments.count(); ++i)
-    if (X_lin.present[i] && violates(problem, instruments[i], X_lin[i], moved[i], x_lin, held, margin, end.x))
+    if (X_lin.present[i] &&
+        violates(problem, instruments[i], X_lin[i], moved[i], x_lin, held, margin, outside[i], end.x))
       return true;
+  return false;
+}
+
+bool is_outside(const CondensedProblem& problem, int instrument, bool before, const ContactRows& rows,
+                std::span<const double> lambda, const PatchPositions& x_end, double lost) noexcept {
+  if (lost > (before ? shallow * problem.alarm_distance : 0)) return false;
+  for (int i = 0; i < rows.contacts; ++i) {
+    const ContactRow& row = rows.row[i];
+    if (row.instrument != instrument || row.sample < 0 || !(lambda[rows.rows_per_contact * i] > 0)) continue;
+    if (before || row.frame.col(0).dot(sample_outward(problem, x_end, row.sample)) < facing_away) return true;
+  }
   return false;
 }
 
@@ -108,7 +122,8 @@ double longest_in_reach(const CondensedProblem& problem, Instruments instruments
     if (!X.present[i]) continue;
     bool in_reach = meets_tissue(problem, PlacedInstrument(instruments[i], X[i]));
     for (int j = 0; j < instruments.count() && !in_reach; ++j)
-      in_reach = j != i && X.present[j] && meets(instruments[i], X[i], instruments[j], X[j], problem.alarm_distance);
+      in_reach =
+          j != i && X.present[j] && meets(instruments[i], X[i], instruments[j], X[j], problem.alarm_distance);
     if (in_reach) of_those[i] = way[i];
   }
   return longest(of_those);

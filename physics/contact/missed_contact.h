@@ -9,6 +9,12 @@
 // more than points move: a solve that moved nothing by `held` (twice the margin, where that is what was held)
 // is not looked at further.
 // Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
+//
+// Which side: a sample may press where n · outward < 0.2, the instrument being on the outer side of its face;
+// or, of a deformable body, whichever way its face is turned, not deeper than a quarter of the alarm
+// distance, where the instrument is known to be outside. It is so first when a solve has a force at a sample
+// of the first kind and leaves none inside without a row; and then while it is pressed, and none is deeper
+// than the quarter.
 #pragma once
 
 #include "physics/contact/placed_instrument.h"
@@ -17,6 +23,14 @@
 namespace hapticd {
 
 inline constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
+inline constexpr double shallow = 0.25;     // … up to which depth it is not, if outside [alarm distances]
+
+// outside: of the instrument that the gap is to, as the memory has it.
+inline bool may_press(const CondensedProblem& problem, int sample, const Gap& gap, const Vec3& outward,
+                      bool outside) noexcept {
+  return gap.normal.dot(outward) < facing_away ||
+         (outside && problem.sample[sample].node[0] >= 0 && gap.distance > -shallow * problem.alarm_distance);
+}
 
 // Outward unit normal of a sample's triangle (a, b, c), wound outward, when the patch's nodes are at x:
 // (b − a) × (c − a) / ‖…‖. The published one of an obstacle, or of a triangle without area. Thin tissue turns
@@ -32,15 +46,21 @@ inline double gap_reached(const CondensedProblem& problem, int sample, const Vec
 
 bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
-                               double margin, const Reached& end) noexcept;
+                               double margin, const EachInstrument<bool>& outside,
+                               const Reached& end) noexcept;
+
+// Whether an instrument is outside after a solve that took patch and rows to x_end and left samples without
+// rows as deep as `lost`; before: whether it was.
+bool is_outside(const CondensedProblem& problem, int instrument, bool before, const ContactRows& rows,
+                std::span<const double> lambda, const PatchPositions& x_end, double lost) noexcept;
 
 // Of one instrument at the end of a solve: the deepest true overlap of any sample [m], ≥ 0; `lost` grows to
 // that of the samples that no row holds.
 double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
                        const ContactRows& rows, const PatchPositions& x_end, double& lost) noexcept;
 
-// The longest translation of those that at X have a sample or another instrument within the alarm distance: what
-// the others do, far away, is nothing to a solve. Of one instrument alone it is its own [m].
+// The longest translation of those that at X have a sample or another instrument within the alarm distance:
+// what the others do, far away, is nothing to a solve. Of one instrument alone it is its own [m].
 double longest_in_reach(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
                         const EachInstrument<Vec6>& way) noexcept;
 

@@ -1,7 +1,9 @@
 // Outer side: 0.2 is a tolerance of 11° past tangent. It keeps the samples around a sharp edge, whose face is
 // turned away although the instrument is on it, and lets no ghost contact come from inside. The normal is
 // that of the linearisation (missed_contact.h): by the published one a flap that turns over within a tick is
-// let through.
+// let through. An instrument that tissue presses from outside cannot come from inside: then the face does not
+// matter: what is turned away is the far side of a flap thinner than the instrument, of a fold or of a
+// crushed element.
 //
 // Missing compliance: a contact whose tissue is stiffer than a thousandth of the coupling (a fixed obstacle,
 // tissue next to fixed nodes) gets W_ii += max(0, 1e-3 mean B_ii − mean G_ii) · I, means of the diagonal
@@ -48,8 +50,8 @@ bool face_near(const PatchSample& s, const PlacedInstruments& placed, const Patc
 // each row with all three, gap and, in its frame's first column, normal. Counts the overlapping ones that did
 // not fit.
 void select(const CondensedProblem& problem, const PlacedInstruments& placed, const InstrumentPoses& X_lin,
-            const PatchPositions& x, double margin, const Reached* reached, int capacity,
-            ContactRows& rows) noexcept {
+            const PatchPositions& x, const EachInstrument<bool>& outside, double margin,
+            const Reached* reached, int capacity, ContactRows& rows) noexcept {
   const EachInstrument<Vec6> moved = reached ? difference(reached->X, X_lin) : EachInstrument<Vec6>();
   const double reach = reached ? std::max(margin, problem.alarm_distance) : margin;
   std::array<ContactCandidate, max_patch_samples> candidate;
@@ -65,7 +67,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
   int count = 0, dropped = 0;
   std::uint32_t face = 0;
   bool near = true;
-  Vec3 outward = Vec3::Zero();
+  Vec3 outward = Vec3::Zero();  // of the face
   for (int k = 0; k < problem.samples; ++k) {
     const PatchSample& sample = problem.sample[k];
     const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
@@ -80,7 +82,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
         if (!(gap.distance < margin) &&
             !(gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) < 0))
           continue;
-        if (!(gap.normal.dot(outward) < facing_away)) continue;
+        if (!may_press(problem, k, gap, outward, outside[i])) continue;
         // Only where samples have several primitives within reach.
         if (count == max_patch_samples) {
           count /= 2;
@@ -164,7 +166,7 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
                 DelassusColumns<3>* columns) noexcept {
   const Within rows_part(times, ContactPart::rows);
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
-  select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, margin, reached,
+  select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, memory.outside, margin, reached,
          max_contacts - pairs.count() - count_edges(problem, X_lin), rows);
   add_edges(problem, X_free, X_lin, x_lin, memory, period, rows);
   add_pairs(problem, pairs, X_lin, K_inv_diag, rows);

@@ -9,7 +9,7 @@
 // s: the sample's position at the linearisation, s_free: without contact. At a fixed point of the
 // linearisation δ_n is the true gap and δ_t the true slip. A row is for one sample and one primitive; a
 // sample has rows for all primitives within the margin (contact_pairs.h), where the instrument is on the
-// outer side of the tissue (n · outward < 0.2); or, last, for two primitives of two instruments
+// outer side of the tissue (`may_press`, missed_contact.h); or, last, for two primitives of two instruments
 // (instrument_pairs.h), behind those of blades' edges (edge_rows.h). More candidates than capacity:
 // contact_selection.h chooses; overlapping ones that are left out are counted in `dropped`. Friction rows
 // exist only where some μ > 0 or there is an edge. A sample that sticks keeps its anchor in the instrument's
@@ -82,6 +82,7 @@ struct ContactMemory {
   };
   int count = 0;
   std::array<Entry, max_contacts> entry;  // sorted by id, then instrument, then primitive
+  EachInstrument<bool> outside;           // tissue presses it from outside (missed_contact.h)
 
   const Entry* find(std::uint64_t id, int instrument, int primitive) const noexcept;
   // The first of the sample and instrument, of whichever primitive.

@@ -15,7 +15,7 @@ namespace hapticd {
 namespace {
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
-constexpr std::uint32_t version = 5, byte_order = 0x01020304;
+constexpr std::uint32_t version = 6, byte_order = 0x01020304;
 constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
 
 // One description of the layout for both directions: `put` of the writer appends, of the reader takes.
@@ -223,7 +223,15 @@ void layout(File& f, ContactState& s, const std::vector<Instrument>& instruments
     };
     f.expect(k == 0 || key(m.entry[k - 1]) < key(e), "contacts that are not in the order of their ids");
   }
-  for (std::size_t i = 0; i < instruments.size(); ++i) f.numbers(s.coupling_offset.value[i].data(), 6);
+  for (std::size_t i = 0; i < instruments.size(); ++i) {
+    f.numbers(s.coupling_offset.value[i].data(), 6);
+    std::uint8_t outside = m.outside.value[i];
+    if (f.written_as() >= 6)
+      f.put(outside);
+    else
+      outside = 0;
+    m.outside.value[i] = outside != 0;
+  }
 }
 
 template <typename File>

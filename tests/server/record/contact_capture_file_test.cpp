@@ -98,9 +98,9 @@ TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
   }
 }
 
-// A file of version 5 without the number of instruments, the friction between them, who is present, the edge
-// samples, and of each remembered contact primitive, instrument (an i32 each), the other's anchor and the
-// advance, is one of version 1.
+// A file of version 6 without the number of instruments, the friction between them, who is present and who is
+// outside, the edge samples, and of each remembered contact primitive, instrument (an i32 each), the other's
+// anchor and the advance, is one of version 1.
 TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   const auto captured = pressed(Renewal::renewed);
   const ContactMemory& memory = captured->capture.state.memory;
@@ -111,7 +111,9 @@ TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   constexpr std::size_t result = 8 + 8 + 4 + 8 + 1 + 8 + 48, entry = 8 + 4 + 4 + 3 * 24 + 8 + 1;
   const std::size_t present = old.size() - result - 1;
   old.erase(present, 1);
-  const std::size_t first = present - 56 - 48 - static_cast<std::size_t>(memory.count) * entry;
+  const std::size_t outside = present - 56 - 1;
+  old.erase(outside, 1);
+  const std::size_t first = outside - 48 - static_cast<std::size_t>(memory.count) * entry;
   for (int k = memory.count - 1; k >= 0; --k) {
     const std::size_t at = first + static_cast<std::size_t>(k) * entry;
     old.erase(at + 16 + 2 * 24, 24 + 8);
@@ -179,8 +181,8 @@ TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
   expect_refused(good + "x", "longer");
   std::string other = good;
-  other[8] = 6;
-  expect_refused(other, "version 6");
+  other[8] = 7;
+  expect_refused(other, "version 7");
   other = good;
   other[12] = 9;
   expect_refused(other, "byte order");
