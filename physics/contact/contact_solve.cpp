@@ -211,7 +211,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     for (int again = 0; again < most_returns && usable() && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
       if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin,
-                                     state.memory.outside, end))
+                                     state.memory.outside, scratch.rows, end))
         break;
       build(&end);
       if (!solve()) return;

@@ -18,9 +18,18 @@ Vec3 sample_outward(const CondensedProblem& problem, const PatchPositions& x, in
 
 namespace {
 
-bool violates(const CondensedProblem& problem, const Instrument& instrument, const Pose& X_lin,
+// A row that presses ends at a gap of zero, to rounding below it too. Without friction, where a solve costs
+// little, that counts as missed all the same: more held poses settle so (HeldPose.*).
+bool has_row(const ContactRows& rows, int sample, int instrument, int primitive) noexcept {
+  const auto last = rows.row.begin() + rows.contacts;
+  return std::any_of(rows.row.begin(), last, [&](const ContactRow& row) {
+    return row.sample == sample && row.instrument == instrument && row.primitive == primitive;
+  });
+}
+
+bool violates(const CondensedProblem& problem, Instruments instruments, int i, const Pose& X_lin,
               const Vec6& moved, const PatchPositions& x_lin, double held, double margin, bool outside,
-              const PatchPositions& x_end) noexcept {
+              const ContactRows& rows, const PatchPositions& x_end) noexcept {
   const auto instrument_at = [&](const Vec3& s) {
     return moved.head<3>().norm() + moved.tail<3>().norm() * (s - X_lin.p).norm();
   };
@@ -33,14 +42,15 @@ bool violates(const CondensedProblem& problem, const Instrument& instrument, con
       if (obstacle(k)) farthest = std::max(farthest, instrument_at(problem.sample[k].free));
   if (!(farthest > (held < margin ? held : 2 * margin))) return false;
 
-  const PlacedInstrument placed(instrument, X_lin);
+  const PlacedInstrument placed(instruments[i], X_lin);
   for (int k = 0; k < problem.samples; ++k) {
     const double reach = obstacle(k) ? margin : std::max(margin, problem.alarm_distance);
     const Vec3 s = sample_position(problem, x_lin, k);
     for (const Gap& gap : GapsInReach(placed, s, reach))
       if (gap.distance >= held &&
           gap_reached(problem, k, s, gap, X_lin, moved, x_end) < (gap.distance < margin ? 0 : -margin) &&
-          may_press(problem, k, gap, sample_outward(problem, x_lin, k), outside))
+          may_press(problem, k, gap, sample_outward(problem, x_lin, k), outside) &&
+          !(rows.rows_per_contact > 1 && has_row(rows, k, i, gap.primitive)))
         return true;
   }
   return false;
@@ -64,12 +74,12 @@ bool meets(const Instrument& a, const Pose& X_a, const Instrument& b, const Pose
 
 bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
-                               double margin, const EachInstrument<bool>& outside,
+                               double margin, const EachInstrument<bool>& outside, const ContactRows& rows,
                                const Reached& end) noexcept {
   const EachInstrument<Vec6> moved = difference(end.X, X_lin);
   for (int i = 0; i < instruments.count(); ++i)
     if (X_lin.present[i] &&
-        violates(problem, instruments[i], X_lin[i], moved[i], x_lin, held, margin, outside[i], end.x))
+        violates(problem, instruments, i, X_lin[i], moved[i], x_lin, held, margin, outside[i], rows, end.x))
       return true;
   return false;
 }

@@ -1,6 +1,6 @@
 // What a contact solve let through the instrument, because no row was there to hold it.
 //
-//   gap(s_lin) ≥ held, hence no row, but   gap(s_lin) + n·(s_end − s_lin) + J_n (X_end ⊖ X_lin) < −allowed
+//   gap(s_lin) ≥ held and no row, but   gap(s_lin) + n·(s_end − s_lin) + J_n (X_end ⊖ X_lin) < −allowed
 //
 // allowed is 0 where gap(s_lin) < margin: a solve of fewer rows (held < margin) that lets nothing through is
 // the solve of all up to the margin, the rows left out having no force and no overlap. It is the margin
@@ -46,7 +46,7 @@ inline double gap_reached(const CondensedProblem& problem, int sample, const Vec
 
 bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
-                               double margin, const EachInstrument<bool>& outside,
+                               double margin, const EachInstrument<bool>& outside, const ContactRows& rows,
                                const Reached& end) noexcept;
 
 // Whether an instrument is outside after a solve that took patch and rows to x_end and left samples without

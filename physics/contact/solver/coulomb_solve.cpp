@@ -43,6 +43,7 @@ constexpr int solves_raised = 20;            // that keep a raised diagonal …
 constexpr int most_solves_raised = 320;      // … twice as many each time it is needed again, to this
 constexpr int most_rounds = 8;               // in which a raised diagonal is taken off again …
 constexpr double tolerance_of_rounds = 0.1;  // … to this part of the tolerance
+constexpr double worth_a_round = 0.5;        // of the last round's error left
 
 constexpr CoulombStage stages[] = {
     {1, 0, true, 6}, {1, 1e-2, true, 8}, {1, 0, false, 8}, {10, 0, true, 8}, {100, 0, true, 8}};
@@ -118,7 +119,9 @@ void CoulombSolve::polish() noexcept {
 void CoulombSolve::raise(double epsilon) noexcept {
   std::copy_n(ws_.best.data(), rows_, lambda_.data());
   begin(epsilon);
-  ws_.last_raised = std::clamp(2 * ws_.last_raised, solves_raised, most_solves_raised);
+  // Sweeps alone hardly ever solve anything, which says nothing of the problem.
+  const int again = options_.max_newton > 0 ? 2 : 1;
+  ws_.last_raised = std::clamp(again * ws_.last_raised, solves_raised, most_solves_raised);
   ws_.raised = ws_.last_raised;
 }
 
@@ -137,11 +140,12 @@ void CoulombSolve::begin(double epsilon) noexcept {
 
 // What a raised ε adds to the gaps is taken off again, about the forces found: each round errs by ε times
 // the last round's change (Rockafellar's proximal point iteration). A round begins at its own anchor, where
-// ε adds nothing: if the problem is solved there, it is solved as it stands. A round that ends unsolved is
-// left out.
+// ε adds nothing: if the problem is solved there, it is solved as it stands. Rounds end there, and where they
+// gain little: then no forces of this size solve it. A round that ends unsolved is left out.
 void CoulombSolve::take_off_raised() noexcept {
   if (!s_.anchor) std::fill_n(ws_.anchor.begin(), rows_, 0.0);
   s_.anchor = ws_.anchor.data();
+  double last = std::numeric_limits<double>::infinity();
   for (int round = 0; round < most_rounds && !hurried_ && !options_.deadline.passed(); ++round) {
     const CoulombResult reached = result_;
     std::copy_n(ws_.anchor.data(), rows_, ws_.last_anchor.data());
@@ -150,23 +154,26 @@ void CoulombSolve::take_off_raised() noexcept {
     begin(s_.epsilon);
     const double as_it_stands = result_.residual;
     const bool serves = as_it_stands <= options_.tolerance;
+    bool solved = false;
     tolerance_ = tolerance_of_rounds * options_.tolerance;
-    if (!done()) alternate();
-    const bool solved = done();
+    if (!done() && as_it_stands < worth_a_round * last) {
+      alternate();
+      solved = done();
+    }
     tolerance_ = options_.tolerance;
-    if (solved && result_.residual != as_it_stands) {
+    if (solved) {
+      last = as_it_stands;
       ++result_.rounds;
       continue;
     }
+    std::copy_n(ws_.anchor.data(), rows_, ws_.best.data());
     if (serves) {
-      std::copy_n(ws_.anchor.data(), rows_, ws_.best.data());
       result_.residual = as_it_stands;
       result_.relative_diagonal = 0;
-      break;
+    } else {
+      std::copy_n(ws_.last_anchor.data(), rows_, ws_.anchor.data());
+      result_.residual = reached.residual;
     }
-    std::copy_n(ws_.anchor.data(), rows_, ws_.best.data());
-    std::copy_n(ws_.last_anchor.data(), rows_, ws_.anchor.data());
-    result_.residual = reached.residual;
     break;
   }
 }
