@@ -2,8 +2,7 @@
 // is left to the law, by sweeps and Newton as ever. Where a contact's direction of slip turns far, Newton on
 // all contacts crawls, each step with a factor of all unknowns: 30 to 100 on a flat tip. Here the crawl is in
 // the small problem. A contact that does not stick in the solution, or an open one that penetrates, joins the
-// others; it does not go back, so this ends. It ends before where one does not halve the merit: what is left
-// is hyperstatic itself, and the next would end where this one did.
+// others; it does not go back, so this ends.
 #include <algorithm>
 #include <cmath>
 
@@ -14,12 +13,11 @@ namespace hapticd {
 namespace {
 
 constexpr int most_eliminations = 8;
-constexpr double surely = 0.95;        // of the cone, within which a contact is presumed to stick
-constexpr int most_others = 5;         // to one that sticks: beyond, what is left is as hard as the whole
-constexpr int most_within = 16;        // sweeps, and Newton steps, of what is left …
-constexpr double worth_another = 0.5;  // of the merit left
-constexpr double precise = 1e-2;       // … to this part of the residual before …
-constexpr double most_precise = 0.1;   // … or of the tolerance
+constexpr double surely = 0.95;       // of the cone, within which a contact is presumed to stick
+constexpr int most_others = 5;        // to one that sticks: beyond, what is left is as hard as the whole
+constexpr int most_within = 16;       // sweeps, and Newton steps, of what is left …
+constexpr double precise = 1e-2;      // … to this part of the residual before …
+constexpr double most_precise = 0.1;  // … or of the tolerance
 
 enum class Presumed : std::uint8_t { open, sticking, other };
 
@@ -94,8 +92,7 @@ void CoulombSolve::eliminate() noexcept {
   const Deadline deadline = before_polish();
   std::fill_n(e.other.begin(), s_.contacts, std::uint8_t{0});
   s_.stretch = 1;
-  const double merit = merit_here();
-  double least = merit;
+  double merit = merit_here();
   std::copy_n(lambda_.data(), rows_, ws_.turning_point.data());
   for (int k = 0; k < most_eliminations && !done() && result_.newton < most_newton_; ++k) {
     if (deadline.passed() || !sort_for_elimination()) break;
@@ -118,9 +115,6 @@ void CoulombSolve::eliminate() noexcept {
       if (!in_cone || penetrates) e.other[i] = 1;
     }
     judge(false);
-    const double after = merit_here();
-    if (!(after < worth_another * least)) break;
-    least = after;
   }
   if (!done() && !(merit_here() < merit)) put_back(ws_.turning_point.data());
 }

@@ -198,7 +198,7 @@ TEST_P(StrangersMesh, BecomesASceneThatRuns) {
   const nlohmann::json figures = json_of(json);
   EXPECT_EQ(figures["not_finite"], 0);
   EXPECT_EQ(figures["force_peak_n"].get<double>() > 1e-4, GetParam().met);
-  EXPECT_LE(figures["force_peak_n"].get<double>(), 3.3);
+  EXPECT_LE(figures["force_peak_n"].get<double>(), 3.3 * (1 + 1e-9));  // a Touch's most, to rounding
   const std::string forces = read_bytes(scratch.file("f.csv"));
   EXPECT_EQ(forces.find("nan"), std::string::npos);
   EXPECT_EQ(forces.find("inf"), std::string::npos);
