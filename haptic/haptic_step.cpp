@@ -10,7 +10,6 @@
 
 namespace hapticd {
 namespace {
-
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves

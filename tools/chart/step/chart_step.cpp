@@ -1,5 +1,7 @@
 #include "tools/chart/step/chart_step.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -48,10 +50,13 @@ int median(std::vector<double> values) { return static_cast<int>(quantiles(std::
 // The simulation's place among ordinary programs, where that is allowed, while it lives.
 class ScopedNice {
  public:
-  ScopedNice() { use_nice(simulation_nice); }
-  ~ScopedNice() { use_nice(0); }
+  ScopedNice() : before_(getpriority(PRIO_PROCESS, 0)) { use_nice(simulation_nice); }
+  ~ScopedNice() { use_nice(before_); }
   ScopedNice(const ScopedNice&) = delete;
   ScopedNice& operator=(const ScopedNice&) = delete;
+
+ private:
+  const int before_;
 };
 
 // Another program on the simulation's core while it lives.

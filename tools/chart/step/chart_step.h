@@ -1,13 +1,13 @@
 // The simulation step of a lens under a travelling tip, part by part, over size, model and compliance.
 //
-// Each step is the daemon's (server/app/simulation_loop.h): adopt the bases that are ready, World::step, ask
-// for the bases that are wanted; it is timed as the daemon times it, by the wall clock. Methods that keep
-// bases run at the daemon's cadence, a 50 Hz grid with the bases made by a thread beside it, on the daemon's
-// core and at its priority; the others one step after another. `busy`: an ordinary program computes on that
-// core throughout. There is no haptic loop beside it. Friction is 0.1, geometry renewed. Contacts are samples
-// within the margin, of friction each: three rows of W. Instead of the tip, a blade can be drawn through the
-// lens (drawn_blade.h): then only steps in which it cuts are counted. Parts are physics/part_times.h's. Units
-// in the names.
+// Each step is the daemon's (server/app/simulation_loop.h), on its core and at its priority: adopt the bases
+// that are ready, World::step, ask for the bases that are wanted. It is timed as the daemon times it, by the
+// wall clock. Methods that keep bases run at the daemon's cadence, a 50 Hz grid, and another thread makes the
+// bases; the others run one step after another. `busy`: an ordinary program computes on that core throughout.
+// There is no haptic loop beside it. Friction is 0.1, geometry renewed. Contacts are samples within the
+// margin, of friction each: three rows of W. Instead of the tip, a blade can be drawn through the lens
+// (drawn_blade.h): then only steps in which it cuts are counted. Parts are physics/part_times.h's. Units in
+// the names.
 #pragma once
 
 #include <array>
