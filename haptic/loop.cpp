@@ -171,7 +171,7 @@ void HapticLoop::tick(std::int64_t intended) noexcept {
     take(intended, input);
   }
 
-  const std::int64_t solved = solve_by_clock(input);
+  const std::int64_t solved = solve_by_clock(intended, input);
   for (int i = 0; i < devices(); ++i) forces_[i].wake_ns = woken - intended;
   {
     const Mark theirs(Region::transport);
@@ -241,11 +241,12 @@ void HapticLoop::retune() noexcept {
 }
 
 // When it was solved.
-std::int64_t HapticLoop::solve_by_clock(HapticInput& input) noexcept {
+std::int64_t HapticLoop::solve_by_clock(std::int64_t intended, HapticInput& input) noexcept {
   captures_.before(tick_->state().contact);
   if (record_) record_->clock.count = 0;
-  const std::int64_t begun = monotonic_ns();
-  const SolveClock clock{begun + options().solve_budget_ns, record_ ? &record_->clock : nullptr};
+  const std::int64_t begun = monotonic_ns(), budget = options().solve_budget_ns;
+  const SolveClock clock{std::max(intended + budget, begun + budget * 3 / 4),
+                         record_ ? &record_->clock : nullptr};
   input.deadline.clock = &clock;
   input.deadline.left_ns = SolveClock::left_ns;
   forces_ = tick_->run(input, withheld_.load(std::memory_order_acquire));

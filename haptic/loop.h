@@ -7,8 +7,8 @@
 // tick that ends after later grid points counts them as missed and goes on at the next one, without catching
 // up. A client that sent a state for each of the last ticks is waited for when one is late, at most
 // `late_state_ns` from the grid point. A tick that is itself late waits `behind_stall_ns` at least, in the
-// first half of a period, because what held it up also held up the client. Wait and the solve's budget fit
-// in a period.
+// first half of a period, because what held it up also held up the client. Wait and three quarters of the
+// solve's budget fit in a period.
 // Mode `event`: a tick for each arrival at any device, answered at once with the others' newest poses, but at
 // least `min_answer_ns` after that device's previous answer and `min_tick_ns` after another's: one that is
 // flooded holds up no other. Without arrivals a tick comes 1.5 T after the last arrival's, then each T. A
@@ -137,7 +137,7 @@ class HapticLoop {
   void count_page_faults(bool armed) noexcept;
 
   const HapticOptions& options() const noexcept { return tick_->options(); }
-  std::int64_t solve_by_clock(HapticInput& input) noexcept;
+  std::int64_t solve_by_clock(std::int64_t intended, HapticInput& input) noexcept;
   void record(const HapticInput& input) noexcept;
 
   int devices() const noexcept { return static_cast<int>(devices_.size()); }
