@@ -28,14 +28,14 @@ int semidefinite_cholesky(Mat12& a, Mat12& V, double smallest) noexcept {
 
 }  // namespace
 
-ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3& rotation,
+ElementTerm element_term(const TissueModel& model, double h, int tet, double left, const Mat3& rotation,
                          const Tet& corners) noexcept {
   const Material& material = model.material;
   const Elasticity& law = model.elastic[tet];
   const double stiffness = model.dynamic ? 1 + material.rayleigh_stiffness / h : 1;
-  const double mass = model.dynamic ? (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * law.density *
-                                          model.volume[tet]
-                                    : 0;
+  const double volume = left * model.volume[tet];
+  const double mass =
+      model.dynamic ? (1 / (h * h) + material.rayleigh_mass / h) * 0.25 * law.density * volume : 0;
   const Gradients rotated = rotation * model.gradients[tet];
   const Tet& nodes = model.mesh.tets[tet];
   Gradients b;
@@ -49,8 +49,8 @@ ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3
     if (model.fixed[corners[i]]) continue;
     for (int j = 0; j <= i; ++j) {
       if (model.fixed[corners[j]]) continue;
-      a.block<3, 3>(3 * i, 3 * j) = stiffness_block(b.col(i), b.col(j), model.volume[tet],
-                                                    stiffness * law.mu, stiffness * law.lambda);
+      a.block<3, 3>(3 * i, 3 * j) =
+          stiffness_block(b.col(i), b.col(j), volume, stiffness * law.mu, stiffness * law.lambda);
     }
     a.diagonal().segment<3>(3 * i).array() += mass;
   }

@@ -25,8 +25,8 @@ struct ElementTerm {
   Eigen::Matrix<double, 12, 12> V = Eigen::Matrix<double, 12, 12>::Zero();
 };
 
-// `corners`: the tetrahedron's nodes in the order wanted.
-ElementTerm element_term(const TissueModel& model, double h, int tet, const Mat3& rotation,
+// left: the share of the tetrahedron that is there. `corners`: its nodes in the order wanted.
+ElementTerm element_term(const TissueModel& model, double h, int tet, double left, const Mat3& rotation,
                          const Tet& corners) noexcept;
 
 // A multiple of the identity on one node: what an orphan's row is left with.

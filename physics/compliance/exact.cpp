@@ -58,10 +58,11 @@ class ExactCompliance final : public Compliance {
   }
 
   void update(const TissueState& state) override {
-    // A of a linear body changes with removals alone: its factor serves until the zone moves.
-    if (constant_ && factored_ && order_is_current_ && state.removed == removed_at_factor_) return;
+    // A of a linear body changes with what is there of it alone: its factor serves until the zone moves.
+    const int changes = state.removed + state.thinnings;
+    if (constant_ && factored_ && order_is_current_ && changes == changes_at_factor_) return;
     reported_ = false;
-    removed_at_factor_ = state.removed;
+    changes_at_factor_ = changes;
     const Within factor_part(options_.times, StepPart::factor);
     if (!mesh_is_current_) matrix_ = SystemMatrix(model_, node_graph(model_), h_);
     mesh_is_current_ = true;
@@ -149,11 +150,11 @@ class ExactCompliance final : public Compliance {
   const TissueModel& model_;
   double h_;
   ComplianceOptions options_;
-  bool constant_;  // A follows removals alone
+  bool constant_;  // A follows removals and thinning alone
   bool reported_ = false;
   ComplianceReport report_;
   int since_sample_ = std::numeric_limits<int>::max() / 2;  // reports
-  int removed_at_factor_ = 0;
+  int changes_at_factor_ = 0;                               // of what is there of the tissue
   GrowingOrder fill_order_;
   SystemMatrix matrix_;
   Factor factor_;

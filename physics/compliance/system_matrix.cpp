@@ -22,7 +22,11 @@ double stiffness_factor(const Material& m, bool dynamic, double h) noexcept {
 }  // namespace
 
 SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, double h)
-    : h_(h), material_(model.material), dynamic_(model.dynamic), fixed_(model.fixed), springs_(model.springs) {
+    : h_(h),
+      material_(model.material),
+      dynamic_(model.dynamic),
+      fixed_(model.fixed),
+      springs_(model.springs) {
   const int nodes = graph.node_count();
   std::vector<int> first_edge(nodes + 1, 0);
   edges_.reserve(graph.neighbour.size() / 2);
@@ -88,12 +92,13 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
     const Element& element = elements_[t];
     const Gradients b = state.rotation[t] * element.gradients;
     const double mu = this->mu(element), lambda = this->lambda(element);
+    const double volume = state.left[t] * element.volume;
     for (int a = 0; a < 4; ++a)
-      diagonal_[element.node[a]] += stiffness_block(b.col(a), b.col(a), element.volume, mu, lambda);
+      diagonal_[element.node[a]] += stiffness_block(b.col(a), b.col(a), volume, mu, lambda);
     for (int p = 0; p < 6; ++p) {
       if (element.edge[p] < 0) continue;
       coupling_[element.edge[p]] +=
-          stiffness_block(b.col(corner_pairs[p][0]), b.col(corner_pairs[p][1]), element.volume, mu, lambda);
+          stiffness_block(b.col(corner_pairs[p][0]), b.col(corner_pairs[p][1]), volume, mu, lambda);
     }
   }
 
@@ -205,7 +210,7 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
       for (int j = 0; j < 4; ++j)
         add(tet[i], tet[j],
             stiffness_factor(model.material, model.dynamic, h) *
-                stiffness_block(b.col(i), b.col(j), model.volume[t], model.elastic[t].mu,
+                stiffness_block(b.col(i), b.col(j), volume_left(model, state, t), model.elastic[t].mu,
                                 model.elastic[t].lambda));
   }
   for (const Collapsed& c : state.collapsed)

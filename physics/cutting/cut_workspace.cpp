@@ -18,7 +18,7 @@ CutWorkspace::CutWorkspace(TissueModel& model)
 void sum_star(const TissueModel& model, TissueState& state, CutWorkspace& work, int node) noexcept {
   work.stars.live(state, node, work.other_star);
   double mass = 0;
-  for (const int t : work.other_star) mass += 0.25 * model.elastic[t].density * model.volume[t];
+  for (const int t : work.other_star) mass += 0.25 * model.elastic[t].density * volume_left(model, state, t);
   state.mass[node] = mass;
   state.live_tets_of_node[node] = static_cast<int>(work.other_star.size());
 }

@@ -71,7 +71,7 @@ std::string check_nodes(const TissueModel& model, const TissueState& state, CutW
   for (int n = 0; n < model.node_count(); ++n) {
     if (!named[n] && n < model.nodes_in_use) return of_node("no tetrahedron", n);
     double mass = 0;
-    for (const int t : stars[n]) mass += 0.25 * model.elastic[t].density * model.volume[t];
+    for (const int t : stars[n]) mass += 0.25 * model.elastic[t].density * volume_left(model, state, t);
     if (!(std::abs(mass - state.mass[n]) <= rounding * mass)) return of_node("mass", n);
     if (state.live_tets_of_node[n] != static_cast<int>(stars[n].size())) return of_node("count", n);
     work.stars.live(state, n, star);

@@ -75,6 +75,7 @@ void add_half(TissueModel& model, TissueState& state, CutWorkspace& work, int te
   model.parent[half] = tet;
   model.elastic[half] = model.elastic[tet];
   state.alive[half] = 1;
+  state.left[half] = state.left[tet];
   state.rotation[half] = state.rotation[tet];
   set_shape(model, tet);
   set_shape(model, half);

@@ -35,6 +35,12 @@ double mean_edge(const TetMesh& mesh) {
   return tets == 0 ? 0 : sum / (6.0 * tets);
 }
 
+double mean_volume_of(const TissueModel& model) {
+  double sum = 0;
+  for (int t = 0; t < model.tets_in_use; ++t) sum += model.volume[t];
+  return sum / std::max(1, model.tets_in_use);
+}
+
 TissueState state_of(const TissueModel& model, bool deformable) {
   if (deformable) return rest_state(model);
   TissueState state;
@@ -55,6 +61,7 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       tearing(settings.tearing),
       model(model_of(settings, gravity)),
       edge(mean_edge(model.mesh)),
+      mean_volume(deformable ? mean_volume_of(model) : 0),
       state(state_of(model, deformable)),
       surface(model.mesh),
       references(nullptr) {

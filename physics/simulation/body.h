@@ -16,8 +16,8 @@
 #include "physics/simulation/free_motion.h"
 #include "physics/simulation/step/energy_bound.h"
 #include "physics/tissue/surface.h"
-#include "physics/tissue/tissue_parts.h"
 #include "physics/tissue/tissue.h"
+#include "physics/tissue/tissue_parts.h"
 
 namespace hapticd {
 
@@ -56,7 +56,8 @@ struct Body {
   TearSettings tearing;
   TissueModel model;  // of a rigid body: the mesh only
   const std::vector<Vec3>& rest() const { return model.mesh.nodes; }
-  double edge = 0;  // mean length of the tetrahedra's edges at rest [m]
+  double edge = 0;         // mean length of the tetrahedra's edges at rest [m]
+  double mean_volume = 0;  // … of their volumes, of the first mesh [m³]
   PartTimes* times = nullptr;
 
   // State.
@@ -66,6 +67,7 @@ struct Body {
   std::unique_ptr<Compliance> compliance;  // deformable only
   ReferenceCompliance* references;         // the same; null: its method keeps no reference factor
   bool asleep = false;                     // at rest and out of reach: its step is skipped
+  bool thinned = false;                    // in this step, some of its tetrahedra
 
   // Of the stages.
   FreeMotion free;

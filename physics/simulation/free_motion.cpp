@@ -32,9 +32,10 @@ void keep_factored_rotation(Body& body, int t) {
   const Mat3& R = body.scratch.factored_rotation[t];
   const Mat3 A = R.transpose() * F;
   const auto [mu, lambda, density] = m.elastic[t];
+  const double volume = volume_left(m, body.state, t);
   const Corners change =
-      element_forces(0.5 * R * (A + A.transpose()), R, m.gradients[t], m.volume[t], mu, lambda) -
-      element_forces(F, body.state.rotation[t], m.gradients[t], m.volume[t], mu, lambda);
+      element_forces(0.5 * R * (A + A.transpose()), R, m.gradients[t], volume, mu, lambda) -
+      element_forces(F, body.state.rotation[t], m.gradients[t], volume, mu, lambda);
   for (int a = 0; a < 4; ++a)
     if (!m.fixed[tet[a]]) body.free.dx.segment<3>(3 * tet[a]) += change.col(a);
 }

@@ -88,6 +88,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
     cutting_.advance(bodies_, instruments_, poses_of(samples), problem, contact_.state.solver.memory);
 
   remove_suction(problem);  // the haptic loop has its own, in each of its ticks
+  thin(samples);
 
   // What will be cut next is not foreseen, and a cut starts the step afresh.
   const bool ahead = prediction_.active() && !report.split;
@@ -135,6 +136,16 @@ void World::remove(const InstrumentSamples& samples, StepReport& report) {
   report.removed = removed.tets;
   report.fragments_aspirated = removed.fragments_aspirated;
   removing_ = removed.tets > 0;
+}
+
+// By as much as is gone in the middle of the use of the problem that this step ends with.
+void World::thin(const InstrumentSamples& samples) {
+  for (Body& body : bodies_) body.thinned = false;
+  for (const int b : removal_.thin(bodies_, instruments_, samples, poses_of(samples),
+                                   settings_.lead > 0 ? settings_.lead : settings_.h)) {
+    bodies_[b].thinned = true;
+    bodies_[b].asleep = false;
+  }
 }
 
 // Fronts that advanced since the last step are cut into the mesh.

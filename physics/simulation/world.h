@@ -1,14 +1,14 @@
 // The simulated world and its 50 Hz step, in the order that keeps the published problem fresh.
 //
-//   1  removals at the tip; where something went, an interim problem is published at once (interim_problem.h)
-//   2  rotations, A(u), factor, free motion, per awake body                            (factor_stage.h)
-//   3  latch the newest instrument poses, gather the patch, C_pp (instrument_contact.h) 4  contact solve: δ =
-//   W λ + δ_free; with bodies that touch one another in one      (body_contact_stage.h) 5  correct: Δx =
-//   Δx_free + C Hᵀλ, or so much of it as makes no energy              (energy_bound.h) 6  free motion at the
-//   new state, same factor, or foreseen where 7 follows          (free_motion.h) 7  look ahead: contact at
-//   `lead`, and bodies linearised there                      (prediction.h) 8  fill the condensed problem;
-//   the caller publishes it                             (condensed_problem.h) 9  after a removal, until the
-//   next step: the same problem for newer poses          (refresh.h)
+//   1  removals at the tip; where something went, an interim problem at once   (interim_problem.h)
+//   2  rotations, A(u), factor, free motion, for each awake body               (factor_stage.h)
+//   3  latch the newest instrument poses, gather the patch, C_pp               (instrument_contact.h)
+//   4  contact solve: δ = W λ + δ_free; with bodies that touch in one          (body_contact_stage.h)
+//   5  correct: Δx = Δx_free + C Hᵀλ, or so much of it as makes no energy       (energy_bound.h)
+//   6  free motion at the new state, same factor, or foreseen where 7 follows  (free_motion.h)
+//   7  look ahead: contact at `lead`, and bodies linearised there              (prediction.h)
+//   8  fill the condensed problem; the caller publishes it                     (condensed_problem.h)
+//   9  after a removal, until the next step: the same for newer poses          (refresh.h)
 //
 // Factor and free motion of 7 are those of the next step's 2, unless an element goes or the zone moves. A
 // body at rest and out of reach, which touches none that moves, sleeps: its step costs nothing. Units: SI.
@@ -57,6 +57,10 @@ class World {
 
   // Between steps: the next one begins by removing these, whatever the tip does.
   void schedule_removal(int body, std::vector<int> tets) { removal_.schedule(body, std::move(tets)); }
+  // … or from its end on these become less (removal_stage.h).
+  void schedule_thinning(int body, std::span<const int> tets, double time, double begun) {
+    removal_.schedule_thinning(body, tets, time, begun);
+  }
 
   // Between steps, after one that removed something: its problem made again for where the instrument now is,
   // if what is left turns there. False: there is nothing to publish.
@@ -89,6 +93,7 @@ class World {
   void draw(const InstrumentSamples& samples, CondensedProblem& problem);
   InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
   void remove(const InstrumentSamples& samples, StepReport& report);
+  void thin(const InstrumentSamples& samples);
   void wake_near(const InstrumentSamples& samples);
   bool cut(StepReport& report);
   void surfaces_changed(std::span<const int> bodies);
@@ -104,7 +109,7 @@ class World {
   std::vector<Instrument> instruments_;
   StepReport report_;             // of the step under way, or the last
   InstrumentSamples begun_with_;  // … and the samples that it began with
-  InstrumentPoses placed_;  // where the last step's contact solve left the instruments
+  InstrumentPoses placed_;        // where the last step's contact solve left the instruments
   Bodies bodies_;
   Collision collision_;
   std::vector<NearFace> near_;  // of the instruments' newest poses

@@ -18,8 +18,9 @@ ConfigurationalForces configurational_forces(const TissueModel& model, const Tis
     const Mat3 P = 2 * mu * (F - R) + lambda * dilation * R;
     Mat3 eshelby = F.transpose() * P;
     eshelby.diagonal().array() -= element_energy(F, R, 1, mu, lambda);
-    const Gradients rest = model.volume[t] * eshelby * model.gradients[t];
-    const Gradients place = model.volume[t] * P * model.gradients[t];
+    const double volume = volume_left(model, state, t);
+    const Gradients rest = volume * eshelby * model.gradients[t];
+    const Gradients place = volume * P * model.gradients[t];
     for (int a = 0; a < 4; ++a) {
       G.at_rest.segment<3>(3 * model.mesh.tets[t][a]) += rest.col(a);
       G.at_place.segment<3>(3 * model.mesh.tets[t][a]) += place.col(a);

@@ -26,7 +26,7 @@ struct Eight {
     load_gradients(model, tet, g);
     for (int l = 0; l < element_lanes; ++l) {
       R.set(l, state.rotation[tet[l]].data());
-      volume[l] = model.volume[tet[l]];
+      volume[l] = volume_left(model, state, tet[l]);
       mu[l] = model.elastic[tet[l]].mu;
       lambda[l] = model.elastic[tet[l]].lambda;
     }
@@ -59,8 +59,7 @@ void subtract_linear(const Eight& of, double s, const Lanes3x3& G, Lanes3x3& P) 
       for (int j = 0; j < 3; ++j)
         A[i][j] = G.m[3 * i][l] * R[3 * j][l] + G.m[3 * i + 1][l] * R[3 * j + 1][l] +
                   G.m[3 * i + 2][l] * R[3 * j + 2][l];
-    const double of_G = s * of.volume[l] * of.mu[l],
-                 along = s * of.volume[l] * of.lambda[l] * trace;
+    const double of_G = s * of.volume[l] * of.mu[l], along = s * of.volume[l] * of.lambda[l] * trace;
     for (int j = 0; j < 3; ++j)
       for (int i = 0; i < 3; ++i) {
         const double turned = R[i][l] * A[0][j] + R[3 + i][l] * A[1][j] + R[6 + i][l] * A[2][j];

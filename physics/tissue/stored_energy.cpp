@@ -10,7 +10,8 @@ namespace {
 
 // add(t, energy) of each live tetrahedron.
 template <typename Add>
-void each_energy(const TissueModel& model, const TissueState& state, const VecX& dx, const Add& add) noexcept {
+void each_energy(const TissueModel& model, const TissueState& state, const VecX& dx,
+                 const Add& add) noexcept {
   each_eight(model, state, [&](const int* tet, int count) {
     Lanes3x4 x, moved, g;
     Lanes3x3 F;
@@ -33,9 +34,9 @@ void each_energy(const TissueModel& model, const TissueState& state, const VecX&
       const Mat3 of = F.matrix(l);
       const Mat3 strained = model.corotational ? of : Mat3(0.5 * (of + of.transpose()));
       const Elasticity& law = model.elastic[tet[l]];
-      double energy = element_energy(strained, R[l], model.volume[tet[l]], law.mu, law.lambda);
+      double energy = element_energy(strained, R[l], volume_left(model, state, tet[l]), law.mu, law.lambda);
       if (model.corotational && model.material.law == Law::guarded)
-        energy += barrier_energy(model, tet[l], of);
+        energy += barrier_energy(model, state, tet[l], of);
       add(tet[l], energy);
     }
   });

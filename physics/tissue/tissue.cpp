@@ -31,7 +31,7 @@ void sum_mass(const TissueModel& model, TissueState& state) {
   for (int t = 0; t < model.tet_count(); ++t) {
     if (!state.alive[t]) continue;
     for (const int n : model.mesh.tets[t]) {
-      state.mass[n] += 0.25 * model.elastic[t].density * model.volume[t];
+      state.mass[n] += 0.25 * model.elastic[t].density * volume_left(model, state, t);
       ++state.live_tets_of_node[n];
     }
   }
@@ -92,6 +92,7 @@ TissueState rest_state(const TissueModel& model) {
   state.rotation.assign(model.tet_count(), Mat3::Identity());
   state.alive.assign(model.tet_count(), 0);
   std::fill_n(state.alive.begin(), model.tets_in_use, std::uint8_t{1});
+  state.left.assign(model.tet_count(), 1.0);
   if (model.material.law == Law::guarded) state.collapsed.reserve(model.tet_count());
   sum_mass(model, state);
   return state;
@@ -159,7 +160,7 @@ double elastic_energy(const TissueModel& model, const TissueState& state) noexce
     if (!state.alive[t]) continue;
     const Mat3 F =
         straining(model, deformation_gradient(corners_of(model.mesh.tets[t], state.x), model.gradients[t]));
-    energy += element_energy(F, state.rotation[t], model.volume[t], model.elastic[t].mu,
+    energy += element_energy(F, state.rotation[t], volume_left(model, state, t), model.elastic[t].mu,
                              model.elastic[t].lambda);
   }
   for (std::size_t n = 0; n < model.springs.size(); ++n)
@@ -167,6 +168,13 @@ double elastic_energy(const TissueModel& model, const TissueState& state) noexce
   for (const Collapsed& c : state.collapsed)
     if (state.alive[c.tet]) energy += c.energy;
   return energy;
+}
+
+void thin_tets(const TissueModel& model, TissueState& state, std::span<const Thinned> tets) {
+  if (tets.empty()) return;
+  for (const Thinned& t : tets) state.left[t.tet] = t.left;
+  ++state.thinnings;
+  sum_mass(model, state);
 }
 
 int remove_tets(const TissueModel& model, TissueState& state, std::span<const int> tets) {

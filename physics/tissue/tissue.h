@@ -32,8 +32,8 @@ struct Elasticity {
   double density = 0;         // [kg/m³]
 };
 
-// A spring from a node to a point of the world: f = −k (x − anchor), whatever way it is drawn. It is part of K,
-// damped as the tissue is.
+// A spring from a node to a point of the world: f = −k (x − anchor), whatever way it is drawn. It is part of
+// K, damped as the tissue is.
 struct NodeSpring {
   double stiffness = 0;  // k [N/m]; 0: none
   Vec3 anchor = Vec3::Zero();
@@ -45,10 +45,10 @@ inline double spring_energy(const NodeSpring& spring, const Vec3& x) noexcept {
 }
 
 struct TissueModel {
-  TetMesh mesh;  // the spare ones last: nodes where the first is, tetrahedra of no_tet
-  Material material;                // its damping and law are the whole body's
-  std::vector<Elasticity> elastic;  // per tetrahedron
-  std::vector<NodeSpring> springs;  // per node; empty: there are none
+  TetMesh mesh;                      // the spare ones last: nodes where the first is, tetrahedra of no_tet
+  Material material;                 // its damping and law are the whole body's
+  std::vector<Elasticity> elastic;   // per tetrahedron
+  std::vector<NodeSpring> springs;   // per node; empty: there are none
   std::vector<Gradients> gradients;  // per tetrahedron, rest shape
   std::vector<double> volume;        // per tetrahedron [m³]
   std::vector<int> across;           // faces_across (surface.h)
@@ -90,10 +90,17 @@ struct TissueState {
   std::vector<Mat3> rotation;          // per tetrahedron, det = +1, warm start for the next
   std::vector<Collapsed> collapsed;    // of a guarded material, at x, as the rotations
   std::vector<std::uint8_t> alive;     // per tetrahedron
+  std::vector<double> left;            // per tetrahedron: share of its tissue that the tip has left, above 0
   std::vector<double> mass;            // lumped, summed afresh from live tetrahedra [kg]
   std::vector<int> live_tets_of_node;  // 0: orphan
   int removed = 0;                     // tetrahedra removed so far
+  int thinnings = 0;                   // times that some became less
 };
+
+// What is there of a tetrahedron at rest: its stiffness, mass and energy go with it [m³].
+inline double volume_left(const TissueModel& model, const TissueState& state, int tet) noexcept {
+  return state.left[tet] * model.volume[tet];
+}
 
 TissueState rest_state(const TissueModel& model);
 
@@ -124,6 +131,13 @@ double least_volume(const TissueModel& model, const TissueState& state, const Ve
 
 // Stored elastic energy [J].
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept;
+
+// Sets the share that is left of live tetrahedra, in (0, 1]; mass follows.
+struct Thinned {
+  int tet;
+  double left;
+};
+void thin_tets(const TissueModel& model, TissueState& state, std::span<const Thinned> tets);
 
 // Takes tetrahedra out: alive, mass and node counts follow; orphaned nodes get v = 0.
 // Tetrahedra that are already gone are skipped. Returns how many went.

@@ -21,15 +21,15 @@ double stiffness_of(const TissueModel& model, int tet) noexcept {
 
 }  // namespace
 
-double barrier_energy(const TissueModel& model, int tet, const Mat3& F) noexcept {
+double barrier_energy(const TissueModel& model, const TissueState& state, int tet, const Mat3& F) noexcept {
   const double lost = std::max(0.0, barrier_from - F.determinant());
-  return 0.5 * model.volume[tet] * stiffness_of(model, tet) * lost * lost;
+  return 0.5 * volume_left(model, state, tet) * stiffness_of(model, tet) * lost * lost;
 }
 
 void barrier(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept {
   const double J = F.determinant();
   if (!(J < barrier_from)) return;
-  const double volume = model.volume[tet];
+  const double volume = volume_left(model, state, tet);
   const double kappa = stiffness_of(model, tet);
   const double pressure = kappa * (barrier_from - J);
   Collapsed c;
@@ -40,7 +40,7 @@ void barrier(const TissueModel& model, int tet, const Mat3& F, TissueState& stat
   c.force = volume * pressure;
   c.rank_one = volume * kappa;
   c.isotropic = volume * pressure * F.norm();
-  c.energy = barrier_energy(model, tet, F);
+  c.energy = barrier_energy(model, state, tet, F);
   state.collapsed.push_back(c);
 }
 

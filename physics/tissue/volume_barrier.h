@@ -28,7 +28,7 @@ inline constexpr double barrier_stiffness = 1;  // κ over λ + 2μ
 void barrier(const TissueModel& model, int tet, const Mat3& F, TissueState& state) noexcept;
 
 // The volume barrier's energy of this tetrahedron [J]; zero where it has not collapsed.
-double barrier_energy(const TissueModel& model, int tet, const Mat3& F) noexcept;
+double barrier_energy(const TissueModel& model, const TissueState& state, int tet, const Mat3& F) noexcept;
 
 // Which corner of the collapsed tetrahedron each of these nodes, the same four, is.
 inline std::array<int, 4> corners_in_order(const Tet& wanted, const Tet& node) noexcept {

@@ -23,7 +23,7 @@ double largest_strain(const Body& body) {
 double volume_left(const Body& body) {
   double volume = 0;
   for (int t = 0; t < body.model.tets_in_use; ++t)
-    if (body.state.alive[t]) volume += body.model.volume[t];
+    if (body.state.alive[t]) volume += volume_left(body.model, body.state, t);
   return volume;
 }
 
@@ -31,7 +31,8 @@ void count_pieces(const Body& body, BodyMeasures& of) {
   const Pieces pieces = find_pieces(body.model, body.state);
   std::vector<double> volume(static_cast<std::size_t>(pieces.count()), 0.0);
   for (int t = 0; t < body.model.tets_in_use; ++t)
-    if (const int p = pieces.of_tet[t]; p >= 0) volume[static_cast<std::size_t>(p)] += body.model.volume[t];
+    if (const int p = pieces.of_tet[t]; p >= 0)
+      volume[static_cast<std::size_t>(p)] += volume_left(body.model, body.state, t);
   of.pieces = static_cast<int>(
       std::count_if(volume.begin(), volume.end(), [&](double v) { return v >= crumb_share * of.volume; }));
   of.crumbs = pieces.count() - of.pieces;

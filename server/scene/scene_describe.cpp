@@ -109,8 +109,10 @@ void describe_instrument(std::string& out, const SceneInstrument& held, const Sc
   const RemovalSettings& removal = held.removal;
   if (removal.rate > 0)
     line(out,
-         "removal    %.4g tetrahedra/s, stroke %.2f mm; fragments of up to %d within %.2f mm are aspirated",
-         removal.rate, 1e3 * removal.stroke, removal.aspiration_max_tets, 1e3 * removal.aspiration_reach);
+         "removal    %.4g tetrahedra/s, %s, stroke %.2f mm; fragments of up to %d within %.2f mm are "
+         "aspirated",
+         removal.rate, removal.gradual ? "by degrees" : "each at once", 1e3 * removal.stroke,
+         removal.aspiration_max_tets, 1e3 * removal.aspiration_reach);
   const DeviceSettings& d = held.device;
   line(out, "device     %s%s: %.3g N, %.3g N m, %.4g N/s, %.3g m/s, workspace radius %.0f mm, %.4g N/m",
        held.device_name.c_str(), named ? (", id " + std::to_string(d.id)).c_str() : "", d.max_force,

@@ -32,6 +32,7 @@ void add(Fingerprint& f, const SceneInstrument& i) {
                          i.removal.rate, i.removal.stroke, i.removal.aspiration_reach})
     f.add(x);
   f.add(i.removal.aspiration_max_tets);
+  f.add(i.removal.gradual);
   for (const Primitive& p : i.shape.primitives) {
     f.add(p.shape);
     f.add(p.radius);

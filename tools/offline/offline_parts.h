@@ -67,17 +67,18 @@ class Removals {
  public:
   explicit Removals(const RemovalSchedule& schedule) : schedule_(schedule) {}
 
-  // True if something goes.
-  bool apply_until(double t, World& world) {
-    const std::size_t before = next_;
-    for (; next_ < schedule_.size() && schedule_[next_].t <= t + instant; ++next_)
-      world.schedule_removal(schedule_[next_].body, schedule_[next_].tets);
-    return next_ > before;
+  // Before a step of h that begins at t: what goes until t + lead, and what becomes less until its end.
+  void apply(double t, double lead, double h, World& world) {
+    for (; next_ < schedule_.size() && schedule_[next_].t <= t + lead + instant; ++next_)
+      if (const RemovalEvent& e = schedule_[next_]; e.time == 0) world.schedule_removal(e.body, e.tets);
+    for (; thinned_ < schedule_.size() && schedule_[thinned_].t <= t + h + instant; ++thinned_)
+      if (const RemovalEvent& e = schedule_[thinned_]; e.time > 0)
+        world.schedule_thinning(e.body, e.tets, e.time, t - e.t);
   }
 
  private:
   const RemovalSchedule& schedule_;
-  std::size_t next_ = 0;
+  std::size_t next_ = 0, thinned_ = 0;
 };
 
 }  // namespace hapticd::offline

@@ -1,11 +1,22 @@
 // The truth in time, and what goes in it.
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 
 #include "server/scene/scene_world.h"
 #include "tools/offline/offline_parts.h"
 
 namespace hapticd {
+
+namespace {
+
+// From all of it at `from` to what is left at `to`.
+RemovalEvent become_less(int body, int tet, double from, double to, double left) {
+  return {from, body, {tet}, std::max(to - from, offline::tick) / (1 - left)};
+}
+
+}  // namespace
 
 OfflineResult run_reference(const Scene& scene, const OfflineInput& input, double h,
                             const OfflineProgress& progress) {
@@ -29,7 +40,7 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
   const auto steps = settle + static_cast<int>(std::lround((input.to - input.from) / h));
   for (int i = 0; i < steps; ++i) {
     const double t = input.from + h * (i - settle);
-    removals.apply_until(t, *world);
+    removals.apply(t, 0, h, *world);
     const bool counts = i >= settle;
     StepReport report;
     {
@@ -63,6 +74,7 @@ RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, s
   const auto problem = std::make_unique<CondensedProblem>();
   RemovalSchedule schedule;
   std::vector<std::vector<std::uint8_t>> alive;
+  std::vector<std::map<int, double>> met(world->bodies().size());  // when a tip did, by tetrahedron
   for (const Body& body : world->bodies()) alive.push_back(body.state.alive);
   const auto steps = static_cast<int>(std::floor((input.to - input.from + input.settle) / period));
   for (int k = 0; k < steps; ++k) {
@@ -82,10 +94,24 @@ RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, s
       std::vector<int> gone;
       for (std::size_t e = 0; e < now.size(); ++e)
         if (alive[b][e] && !now[e]) gone.push_back(static_cast<int>(e));
-      if (!gone.empty()) schedule.push_back({t + removal_lead, static_cast<int>(b), gone});
+      const double went = t + removal_lead;
+      for (const int e : gone)
+        if (const auto at = met[b].find(e); at != met[b].end())
+          schedule.push_back(become_less(static_cast<int>(b), e, at->second, went, spent_left));
+      if (!gone.empty()) schedule.push_back({went, static_cast<int>(b), gone});
       alive[b] = now;
+      const std::vector<double>& left = world->bodies()[b].state.left;
+      for (std::size_t e = 0; e < left.size(); ++e)
+        if (now[e] && left[e] < 1) met[b].emplace(static_cast<int>(e), t + period);
     }
   }
+  const double end = input.from - input.settle + period * steps;
+  for (std::size_t b = 0; b < met.size(); ++b)
+    for (const auto& [e, at] : met[b])
+      if (alive[b][e])
+        schedule.push_back(become_less(static_cast<int>(b), e, at, end, world->bodies()[b].state.left[e]));
+  std::stable_sort(schedule.begin(), schedule.end(),
+                   [](const RemovalEvent& a, const RemovalEvent& b) { return a.t < b.t; });
   return schedule;
 }
 

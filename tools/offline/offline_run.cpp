@@ -84,6 +84,7 @@ class Run {
       : input_(input),
         result_(result),
         removals_(input.removals),
+        period_(1 / scene.rate),
         solved_(options.rendering == Rendering::solved),
         interims_(solved_ || options.rendering == Rendering::alone),
         shapes_(shapes_of(scene)),
@@ -154,7 +155,7 @@ class Run {
     if (action == StepAction::begin) {
       const double t = input_.from - input_.settle + 1e-9 * static_cast<double>(ns - first_ns);
       counts_ = t >= input_.from - offline::instant;
-      removals_.apply_until(t + removal_lead, daemon_->world());
+      removals_.apply(t, removal_lead, period_, daemon_->world());
       spent_ = 0;
     }
     if (action == StepAction::refresh) spent_ = 0;
@@ -245,6 +246,7 @@ class Run {
   const OfflineInput& input_;
   OfflineResult& result_;
   offline::Removals removals_;
+  double period_;  // of a simulation step [s]
   const bool solved_, interims_;
   const std::vector<Instrument> shapes_;
   LocalModel local_;

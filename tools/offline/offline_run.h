@@ -28,6 +28,8 @@ struct RemovalEvent {
                  // step takes what goes until its begin + removal_lead (world_settings.h) [s]
   int body = 0;
   std::vector<int> tets;
+  double time = 0;  // > 0: they do not go, but become less from t on, evenly, as if nothing were left so much
+                    // later (World::schedule_thinning) [s]
 };
 using RemovalSchedule = std::vector<RemovalEvent>;  // by time
 
@@ -134,7 +136,8 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
                             const OfflineProgress& progress = {});
 
 // What the first instrument's tip destroys at `per_step` elements in each 20 ms of the window; without a
-// number: what all instruments destroy by their own rules and pedals.
+// number: what all instruments destroy by their own rules and pedals. What goes by degrees becomes less
+// evenly from when a tip met it until it went.
 RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, std::optional<int> per_step);
 
 // Live tetrahedra with det F ≤ 0, over all deformable bodies.

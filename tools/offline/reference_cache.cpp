@@ -161,6 +161,7 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
   for (const RemovalEvent& e : input.removals) {
     hash.number(e.t);
     hash.number(e.body);
+    hash.number(e.time);
     for (const int t : e.tets) hash.number(t);
   }
   return hash.value();

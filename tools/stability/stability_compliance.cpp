@@ -72,7 +72,7 @@ class PaperStack {
       : model_(model), C_(MatX(assemble_system_matrix(model, state, h)).inverse()) {}
 
   void remove(const TissueState& state, int tet) {
-    const ElementTerm term = element_term(model_, h, tet, state.rotation[static_cast<std::size_t>(tet)],
+    const ElementTerm term = element_term(model_, h, tet, 1, state.rotation[static_cast<std::size_t>(tet)],
                                           model_.mesh.tets[static_cast<std::size_t>(tet)]);
     const MatX V = term.V.topLeftCorner(3 * term.corners, term.rank);
     std::vector<int> at;

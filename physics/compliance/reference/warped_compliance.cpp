@@ -101,7 +101,7 @@ class Warped : public Interface {
       Tet corners = model_.mesh.tets[t];
       std::sort(corners.begin(), corners.end(),
                 [&](int a, int b) { return inverse_->place(a) < inverse_->place(b); });
-      change(element_term(model_, h_, t, turn_.reference()[t], corners), TermSign::take_out);
+      change(element_term(model_, h_, t, left_[t], turn_.reference()[t], corners), TermSign::take_out);
     }
   }
 
@@ -260,6 +260,7 @@ class Warped : public Interface {
     turn_.set_reference(reference.state.rotation, reference.tets);
     gone_.resize(model_.tet_count());
     for (int t = 0; t < model_.tet_count(); ++t) gone_[t] = !reference.state.alive[t];
+    left_ = reference.state.left;
     gone_count_ = reference.state.removed;
     orphan_.resize(model_.node_count());
     for (int n = 0; n < model_.node_count(); ++n) orphan_[n] = reference.state.live_tets_of_node[n] == 0;
@@ -313,6 +314,7 @@ class Warped : public Interface {
   std::unique_ptr<LowRankInverse> inverse_;
   double identity_scale_ = 1;
   std::vector<std::uint8_t> gone_;    // per tetrahedron: not in the inverse
+  std::vector<double> left_;          // … share that was there of it when the inverse was made
   std::vector<std::uint8_t> orphan_;  // per node: its row of the inverse's A is the identity's
   int gone_count_ = 0;
   bool failed_ = false;

@@ -325,7 +325,8 @@ class ZoneCompliance final : public ReferenceCompliance {
     Tet corners = nodes;
     std::sort(corners.begin(), corners.end(),
               [&](int a, int b) { return reference_->place(a) < reference_->place(b); });
-    const ElementTerm term = element_term(model_, meshes_.structure().h, t, turn_.reference()[t], corners);
+    const ElementTerm term = element_term(model_, meshes_.structure().h, t, reference_->state().left[t],
+                                          turn_.reference()[t], corners);
     not_carried_ += !factor_.carry(term, TermSign::take_out);
     ++carried_count_;
   }

@@ -34,6 +34,7 @@ ZoneReference::ZoneReference(ZoneMesh mesh, std::vector<int> zone_and_halo, int 
       retired_(std::move(retired)) {
   state_.rotation = state.rotation;
   state_.alive = state.alive;
+  state_.left = state.left;
   state_.mass = state.mass;
   state_.live_tets_of_node = state.live_tets_of_node;
   state_.removed = state.removed;
@@ -127,7 +128,7 @@ void ZoneReference::take_in_elements(std::span<const Mat3> rotation, std::span<c
   auto S_out = outer_corner();
   for (int t = 0; t < static_cast<int>(elements_.size()); ++t) {
     if (is_inside_[t] || gone[t] || elements_[t].node == no_tet || !lies_inside(elements_[t])) continue;
-    add_element(t, rotation[t], {}, -1, S_out);
+    add_element(t, state_.left[t], rotation[t], {}, -1, S_out);
     is_inside_[t] = 1;
     inside_.push_back(t);
   }
@@ -148,12 +149,12 @@ void ZoneReference::reshape(int tet, const SystemMatrix::Element& form) {
   is_inside_[tet] = 1;
 }
 
-void ZoneReference::add_element(int t, const Mat3& rotation, std::span<const Mat3> Q, double sign,
-                                Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
+void ZoneReference::add_element(int t, double left, const Mat3& rotation, std::span<const Mat3> Q,
+                                double sign, Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
   const SystemMatrix& matrix = law();
   const SystemMatrix::Element& element = elements_[t];
   const Gradients b = rotation * element.gradients;
-  const double mass = sign * matrix.lumped_mass(element), volume = sign * element.volume;
+  const double mass = sign * left * matrix.lumped_mass(element), volume = sign * left * element.volume;
   for (int i = 0; i < 4; ++i) {
     const int a = element.node[i];
     if (fixed_[a]) continue;
@@ -177,7 +178,7 @@ void ZoneReference::add_inside(const TissueState& now, std::span<const Mat3> Q,
                                Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept {
   const SystemMatrix& matrix = law();
   for (const int t : inside_)
-    if (now.alive[t]) add_element(t, now.rotation[t], Q, 1, S);
+    if (now.alive[t]) add_element(t, now.left[t], now.rotation[t], Q, 1, S);
   for (const Collapsed& c : now.collapsed) {
     if (!is_inside_[c.tet] || !now.alive[c.tet] || !same_corners(elements_[c.tet].node, c.node)) continue;
     for (int i = 0; i < 4; ++i)

@@ -86,7 +86,7 @@ class ZoneReference final : public ReferenceFactor {
 
  private:
   // sign · Qᵀ a_e Q of one inside, at this rotation; no Q: not turned.
-  void add_element(int tet, const Mat3& rotation, std::span<const Mat3> Q, double sign,
+  void add_element(int tet, double left, const Mat3& rotation, std::span<const Mat3> Q, double sign,
                    Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept;
   void join(int node);
   void make_room();

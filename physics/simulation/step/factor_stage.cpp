@@ -66,7 +66,7 @@ void FactorStage::factor(const StepContext& c, int b, StepReport& report) {
 }
 
 bool FactorStage::foresees(const Body& body) const {
-  return predicts_ && body.free.in_halves && body.model.corotational &&
+  return predicts_ && body.free.in_halves && !body.thinned && body.model.corotational &&
          body.model.material.law != Law::guarded;
 }
 

@@ -43,16 +43,19 @@ class Linearisation {
     const Mat3 S =
         R.transpose() * deformation_gradient(corners_of(tet, body_.state.x) + motion, m.gradients[t]);
     const Mat3 F = 0.5 * R * (S + S.transpose());
-    Corners load = element_forces(F, R, m.gradients[t], m.volume[t], mu, lambda);
+    const double volume = volume_left(m, body_.state, t);
+    Corners load = element_forces(F, R, m.gradients[t], volume, mu, lambda);
     const Mat3 A = R.transpose() * deformation_gradient(motion, m.gradients[t]);
     const Mat3 strained = R * (Mat3::Identity() + 0.5 * (A + A.transpose()));
-    load += damping_ * element_forces(strained, R, m.gradients[t], m.volume[t], mu, lambda);
+    load += damping_ * element_forces(strained, R, m.gradients[t], volume, mu, lambda);
     for (int a = 0; a < 4; ++a)
       load.col(a) += mass(t) * (body_.state.v[tet[a]] / h_ + m.gravity - per_mass_ * motion.col(a));
     return load;
   }
 
-  double mass(int t) const { return 0.25 * body_.model.elastic[t].density * body_.model.volume[t]; }
+  double mass(int t) const {
+    return 0.25 * body_.model.elastic[t].density * volume_left(body_.model, body_.state, t);
+  }
 
  private:
   const Body& body_;
@@ -77,7 +80,7 @@ void add_element(const Body& body, const Linearisation& at, int t, const Mat3& R
     for (int j = 0; j < 4; ++j)
       if (!m.fixed[tet[j]])
         gone.M.block<3, 3>(gi, 3 * gone.index[tet[j]]) +=
-            stiffness_block(b.col(i), b.col(j), m.volume[t], mu, lambda);
+            stiffness_block(b.col(i), b.col(j), volume_left(m, body.state, t), mu, lambda);
   }
 }
 

@@ -7,6 +7,8 @@
 // holds no fixed node and has at most `aspiration_max_tets` is sucked out whole when any of its nodes is
 // within `aspiration_reach` of the tip's surface while aspiration is on. What the tip leaves of a few
 // tetrahedra hanging by an edge or a node goes with what held it (fragments.h), at no cost to the rate.
+// By degrees: all tetrahedra that the grown tip meets share the rate's volume equally, losing stiffness and
+// mass, and each goes at a tenth of its own, or when it is crushed.
 // Units: m, 1/s. Source: the paper §3 ("consecutively removing tetrahedra intersected by the tip");
 // departure: the hinged fragments.
 #pragma once
@@ -24,9 +26,12 @@ struct RemovalSettings {
   double stroke = 0;            // reach of the vibrating tip beyond its surface at rest [m]
   double aspiration_reach = 0;  // [m]
   int aspiration_max_tets = 0;  // a larger fragment does not pass the lumen
+  bool gradual = false;         // tetrahedra go by degrees; false: whole, as in the paper
 };
 
-inline constexpr int crumb_tets = 8;  // what hangs and is larger is kept
+inline constexpr int crumb_tets = 8;       // what hangs and is larger is kept
+inline constexpr double spent_left = 0.1;  // share of a tetrahedron at which it goes
+inline constexpr double crushed = 0.2;     // … of its volume that it is pressed into, where some of it went
 
 // True if the tetrahedron with these corners and the primitive at instrument pose X, grown by
 // `stroke`, share a point.

@@ -3,8 +3,21 @@
 #include <algorithm>
 
 #include "physics/tissue/fragments.h"
+#include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
+namespace {
+
+bool is_crushed(const Body& body, int t) {
+  const Corners x = corners_of(body.model.mesh.tets[t], body.state.x);
+  return !(deformation_gradient(x, body.model.gradients[t]).determinant() > crushed);
+}
+
+}  // namespace
+
+void RemovalStage::schedule_thinning(int body, std::span<const int> tets, double time, double begun) {
+  for (const int t : tets) fading_.push_back({body, t, 1 - begun / time, 1 / time});
+}
 
 Removed RemovalStage::remove(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
                              const InstrumentPoses& tips) {
@@ -16,6 +29,12 @@ Removed RemovalStage::remove(Bodies& bodies, Instruments instruments, const Inst
   };
   for (const Scheduled& s : scheduled_) count(s.body, take(bodies, s.body, s.tets));
   scheduled_.clear();
+  for (const Scheduled& s : spent_) {
+    Body& body = bodies[s.body];
+    const int gone = take(bodies, s.body, s.tets);
+    count(s.body, gone + take(bodies, s.body, hinged_fragments(body.model, body.state, s.tets, crumb_tets)));
+  }
+  spent_.clear();
   for (int i = 0; i < instruments.count(); ++i)
     remove_at_tip(bodies, i, instruments[i], samples[i], tips[i], out);
   total_ += out.tets;
@@ -26,7 +45,7 @@ void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instru
                                  const InstrumentSample& sample, const Pose& tip, Removed& out) {
   const RemovalSettings& settings = settings_[i];
   double& budget = budget_[i];
-  const bool cutting = sample.present && sample.phaco;
+  const bool cutting = sample.present && sample.phaco && !settings.gradual;
   // What a tip in the open does not spend does not pile up: one element and one step's worth at most.
   const double per_step = settings.rate * h_;
   budget = cutting ? std::min(budget + per_step, 1 + per_step) : 0;
@@ -51,6 +70,45 @@ void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instru
     if (gone == 0) continue;
     out.tets += gone;
     out.bodies.push_back(static_cast<int>(b));
+  }
+}
+
+std::vector<int> RemovalStage::thin(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
+                                    const InstrumentPoses& tips, double ahead) {
+  std::vector<std::vector<Thinned>> thinned(bodies.size());
+  std::erase_if(fading_, [&](const Fading& f) { return !bodies[f.body].state.alive[f.tet]; });
+  for (Fading& f : fading_) {
+    thinned[f.body].push_back({f.tet, std::clamp(f.left - f.per_second * ahead, spent_left, 1.0)});
+    f.left -= f.per_second * h_;
+  }
+  for (int i = 0; i < instruments.count(); ++i)
+    if (samples[i].present && samples[i].phaco && settings_[i].gradual)
+      thin_at_tip(bodies, i, instruments[i], tips[i], thinned);
+  std::vector<int> changed;
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (thinned[b].empty()) continue;
+    thin_tets(bodies[b].model, bodies[b].state, thinned[b]);
+    bodies[b].energy.elastic.resize(0);
+    changed.push_back(static_cast<int>(b));
+  }
+  return changed;
+}
+
+void RemovalStage::thin_at_tip(Bodies& bodies, int i, const Instrument& instrument, const Pose& tip,
+                               std::vector<std::vector<Thinned>>& thinned) {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const Body& body = bodies[b];
+    if (!body.removable) continue;
+    const std::vector<int> tets = tets_at_tip(body.model, body.state, instrument, tip, settings_[i].stroke);
+    if (tets.empty()) continue;
+    const double share = settings_[i].rate * h_ * body.mean_volume / static_cast<double>(tets.size());
+    Scheduled spent{static_cast<int>(b), {}};
+    for (const int t : tets) {
+      const double left = body.state.left[t] - share / body.model.volume[t];
+      if (left <= spent_left || (left < 1 && is_crushed(body, t))) spent.tets.push_back(t);
+      thinned[b].push_back({t, std::max(left, spent_left)});
+    }
+    if (!spent.tets.empty()) spent_.push_back(std::move(spent));
   }
 }
 

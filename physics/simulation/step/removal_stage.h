@@ -2,6 +2,7 @@
 //
 // In: the tip's pose and pedals; out: what went. Masses and surfaces follow at once; the compliances are told
 // later (`tell_compliances`), after an interim problem was made with the factors that they still have.
+// What goes by degrees is thinned later in the step, before the body is linearised for the next one.
 // Units: m, s. Errors: none.
 #pragma once
 
@@ -27,10 +28,18 @@ class RemovalStage {
 
   // The next `remove` takes these too, whatever the tip does.
   void schedule(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
+  // These become less, evenly, so fast that after `time` nothing would be left of any, but not less than
+  // `spent_left`; begun: so long before the next step.
+  void schedule_thinning(int body, std::span<const int> tets, double time, double begun);
 
   // tips: the instruments' poses when the problem without these is in use.
   Removed remove(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
                  const InstrumentPoses& tips);
+
+  // What goes by degrees becomes less. ahead: the problem at hand will be in the middle of its use so long
+  // after the step's begin. Returns the bodies that lost some.
+  std::vector<int> thin(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
+                        const InstrumentPoses& tips, double ahead);
 
   // Per body: gone in this step, and its compliance does not know yet.
   const std::vector<std::vector<int>>& gone() const { return gone_; }
@@ -43,14 +52,22 @@ class RemovalStage {
     int body;
     std::vector<int> tets;
   };
+  struct Fading {
+    int body, tet;
+    double left, per_second;  // at the step's begin
+  };
 
   int take(Bodies& bodies, int b, std::span<const int> tets);
+  void thin_at_tip(Bodies& bodies, int i, const Instrument& instrument, const Pose& tip,
+                   std::vector<std::vector<Thinned>>& thinned);
   void remove_at_tip(Bodies& bodies, int i, const Instrument& instrument, const InstrumentSample& sample,
                      const Pose& tip, Removed& out);
 
   EachInstrument<RemovalSettings> settings_;
   double h_;
   std::vector<Scheduled> scheduled_;
+  std::vector<Scheduled> spent_;  // by a tip, by degrees: they go in the next step
+  std::vector<Fading> fading_;
   std::vector<std::vector<int>> gone_;
   EachInstrument<double> budget_;  // tetrahedra that the rate allows now
   int total_ = 0;

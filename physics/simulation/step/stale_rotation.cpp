@@ -8,12 +8,13 @@
 namespace hapticd {
 namespace {
 
-double change_of_force(const TissueModel& m, int t, const Mat3& F, const Mat3& R, const Mat3& stale) {
+double change_of_force(const TissueModel& m, int t, double volume, const Mat3& F, const Mat3& R,
+                       const Mat3& stale) {
   const auto [mu, lambda, density] = m.elastic[t];
   const Mat3 S = R.transpose() * F;
   const Mat3 held = 0.5 * R * (S + S.transpose());
-  return (element_forces(F, stale, m.gradients[t], m.volume[t], mu, lambda) -
-          element_forces(held, R, m.gradients[t], m.volume[t], mu, lambda))
+  return (element_forces(F, stale, m.gradients[t], volume, mu, lambda) -
+          element_forces(held, R, m.gradients[t], volume, mu, lambda))
       .norm();
 }
 
@@ -35,7 +36,7 @@ std::vector<StaleRotation> stale_rotations(const Body& body, const VecX& dx, dou
       if (!m.fixed[tet[a]]) x.col(a) += dx.segment<3>(3 * tet[a]);
     const Mat3 F = deformation_gradient(x, m.gradients[t]);
     const Mat3 R = nearest_rotation(F, body.state.rotation[t]);
-    const double change = change_of_force(m, t, F, body.state.rotation[t], R);
+    const double change = change_of_force(m, t, volume_left(m, body.state, t), F, body.state.rotation[t], R);
     if (change > least) found.push_back({change, {t, R}});
   }
   std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) {

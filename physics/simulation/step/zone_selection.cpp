@@ -34,16 +34,19 @@ struct ZoneNode {
 // What is near instruments, by node of a body.
 struct Nearness {
   explicit Nearness(std::size_t nodes)
-      : gap(nodes, std::numeric_limits<double>::infinity()), of(nodes, 0), is_near(nodes, 0), around(nodes, 0) {}
+      : gap(nodes, std::numeric_limits<double>::infinity()),
+        of(nodes, 0),
+        is_near(nodes, 0),
+        around(nodes, 0) {}
   void meet(int node, int instrument, double distance) {
     const auto n = static_cast<std::size_t>(node);
     if (!(distance < gap[n])) return;
     gap[n] = distance;
     of[n] = instrument;
   }
-  std::vector<double> gap;             // to where an instrument is, or will be; infinite where `around` is 0 [m]
-  std::vector<int> of;                 // that instrument
-  std::vector<std::uint8_t> is_near;   // here and now
+  std::vector<double> gap;  // to where an instrument is, or will be; infinite where `around` is 0 [m]
+  std::vector<int> of;      // that instrument
+  std::vector<std::uint8_t> is_near;  // here and now
   std::vector<std::uint8_t> around;
 };
 
@@ -94,8 +97,8 @@ bool nearer(const ZoneNode& a, const ZoneNode& b) {
   return a.distance != b.distance ? a.distance < b.distance : a.node < b.node;
 }
 
-// Each instrument has a share of the zone, so that what one lies on leaves the other its tissue; what is left goes
-// to the nearest.
+// Each instrument has a share of the zone, so that what one lies on leaves the other its tissue; what is left
+// goes to the nearest.
 void share_zone(std::vector<ZoneNode>& nearest_first, const InstrumentPoses& X) {
   const auto present = std::count(X.present.value.begin(), X.present.value.end(), true);
   if (present < 2) return;

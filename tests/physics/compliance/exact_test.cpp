@@ -91,6 +91,21 @@ TEST(SystemMatrix, BlocksEqualTheTripletOracle) {
   }
 }
 
+// A linear body's factor serves until something of it is gone.
+TEST(ExactCompliance, FollowsTissueThatBecomesThin) {
+  for (const bool corotational : {true, false}) {
+    TissueModel model = held_box(3);
+    model.corotational = corotational;
+    TissueState state = deformed(model, 3);
+    const auto compliance = make_exact_compliance(model, h);
+    for (const double left : {1.0, 0.5, 0.1}) {
+      thin_tets(model, state, std::vector<Thinned>{{3, left}, {40, left}, {41, left / 2}});
+      compliance->update(state);
+      expect_matches_dense(model, state, *compliance, {});
+    }
+  }
+}
+
 TEST(ExactCompliance, MatchesTheDenseInverseWhileTheZoneMoves) {
   const TissueModel model = held_box(3);
   const TissueState state = deformed(model, 3);

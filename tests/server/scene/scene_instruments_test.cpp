@@ -152,6 +152,20 @@ TEST_F(SceneInstruments, AListOfOneIsTheSceneWithOneInstrument) {
   EXPECT_EQ(listed.first().device.id, plain.first().device.id);
 }
 
+TEST_F(SceneInstruments, RemovalIsAtOnceUnlessItsLawIsGradual) {
+  const auto with = [&](const std::string& law) {
+    return read(
+        tissue +
+        "instrument: {tip: t, primitives: [{name: t, shape: sphere, radius: 0.1}], coupling: {stiffness: "
+        "10, rotational_stiffness: 2, damping_time: 0.003}}\nremoval: {rate: 5" +
+        law + "}\ndevice: touch\n");
+  };
+  EXPECT_FALSE(with("").first().removal.gradual);
+  EXPECT_FALSE(with(", law: instant").first().removal.gradual);
+  EXPECT_TRUE(with(", law: gradual").first().removal.gradual);
+  EXPECT_THROW(with(", law: slow"), InputError);
+}
+
 TEST_F(SceneInstruments, AReplacementIsTheFirstOnesDevice) {
   const Scene scene = read(two_hands, "omni");
   EXPECT_EQ(scene.instruments[0].device_name, "Omni");

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "server/scene/scene_reader.h"
 #include "tools/offline/baseline_rendering.h"
 
@@ -98,6 +100,35 @@ TEST_F(OfflineRun, ARecordedScheduleIsWhatTheTipDestroys) {
       EXPECT_GT(schedule[i].t, schedule[i - 1].t);
     }
   }
+}
+
+// Each element becomes less from when the tip met it until it went, or until the window ended; both loops
+// lose the same.
+TEST_F(OfflineRun, WhatGoesByDegreesIsRecordedSo) {
+  scene.first().removal.gradual = true;
+  OfflineInput input = press(0.5);
+  input.removals = record_removals(scene, input, 4);
+  std::map<int, double> begun;  // by element
+  int went = 0;
+  for (std::size_t i = 0; i < input.removals.size(); ++i) {
+    const RemovalEvent& e = input.removals[i];
+    if (i > 0) {
+      EXPECT_GE(e.t, input.removals[i - 1].t);
+    }
+    for (const int t : e.tets) {
+      if (e.time > 0) {
+        EXPECT_TRUE(begun.emplace(t, e.t).second) << "once";
+      } else {
+        went += 1;
+        ASSERT_TRUE(begun.contains(t));
+        EXPECT_GT(e.t, begun[t]);
+      }
+    }
+  }
+  EXPECT_GT(went, 0);
+  EXPECT_GT(static_cast<int>(begun.size()), went);
+  EXPECT_EQ(run_offline(scene, input, {}).removed, went);
+  EXPECT_EQ(run_reference(scene, input, 1e-3).removed, went);
 }
 
 TEST_F(OfflineRun, AFasterSimulationThanTheHapticLoopIsRefused) {

@@ -26,7 +26,7 @@ struct Options {
   bool force = false;
   ForceChartSettings settings;
   double window_s = 0, depth_mm = 0.3;
-  bool cut = false;
+  bool cut = false, gradual = false;
   int hands = 0;  // 0: as many as the scene's instruments
 };
 
@@ -260,7 +260,8 @@ int chart(Options options, const CLI::App& app) {
   if (!options.out.empty()) options.settings.cache = std::filesystem::path(options.out) / "references";
   keep_malloc_pages();
 
-  const Scene scene = read_scene(options.scene);
+  Scene scene = read_scene(options.scene);
+  for (SceneInstrument& i : scene.instruments) i.removal.gradual |= options.gradual;
   const bool several = scene.instruments.size() > 1;
   if (options.hands > 0 && static_cast<std::size_t>(options.hands) != scene.instruments.size())
     throw UsageError("--hands " + std::to_string(options.hands) + ": the scene has " +
@@ -352,6 +353,7 @@ Command add_chart_force(CLI::App& chart_app) {
   app->add_option("--removals", options->settings.removals, "elements removed per 20 ms, a run for each")
       ->delimiter(',')
       ->capture_default_str();
+  app->add_flag("--gradual", options->gradual, "they go by degrees, whatever the scene says");
   app->add_option("--window", options->window_s,
                   "seconds of each recording, from first contact; of several hands: of each window")
       ->check(CLI::Range(0.05, 60.0));

@@ -17,8 +17,8 @@ namespace {
 double stored(const Body& body, const std::vector<Vec3>& x, int t) {
   const TissueModel& m = body.model;
   const Mat3 F = deformation_gradient(corners_of(m.mesh.tets[t], x), m.gradients[t]);
-  return element_energy(F, nearest_rotation(F, body.state.rotation[t]), m.volume[t], m.elastic[t].mu,
-                        m.elastic[t].lambda);
+  return element_energy(F, nearest_rotation(F, body.state.rotation[t]), volume_left(m, body.state, t),
+                        m.elastic[t].mu, m.elastic[t].lambda);
 }
 
 bool comes_apart(const Body& body) { return body.deformable && (body.removable || body.toughness > 0); }

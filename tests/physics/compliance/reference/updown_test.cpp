@@ -28,7 +28,7 @@ TEST(ElementTerm, IsWhatTheAssemblyLosesWithTheElement) {
     for (const int t : {0, 13, 30, 47}) {
       const Tet& tet = model.mesh.tets[t];
       const Tet reversed = {tet[3], tet[1], tet[0], tet[2]};
-      const ElementTerm term = element_term(model, h, t, state.rotation[t], reversed);
+      const ElementTerm term = element_term(model, h, t, 1, state.rotation[t], reversed);
       TissueState without = state;
       remove_tets(model, without, std::span(&t, 1));
       MatX lost = MatX(assemble_system_matrix(model, state, h) - assemble_system_matrix(model, without, h));
@@ -82,7 +82,8 @@ TEST(DenseCompliance, RefusesLargeBodies) {
 TEST(UpdownCompliance, KnowsItsZoneAndMovesIt) {
   TetMesh mesh = box_mesh(size, 2, 2, 2);
   const std::vector<int> bottom = mesh.group("bottom")->nodes;
-  const TissueModel model = make_tissue_model(std::move(mesh), {3000, 0.45, 1000, 2, 3e-3}, bottom, Vec3::Zero());
+  const TissueModel model =
+      make_tissue_model(std::move(mesh), {3000, 0.45, 1000, 2, 3e-3}, bottom, Vec3::Zero());
   const TissueState state = rest_state(model);
   const auto updown = make_compliance(ComplianceMethod::updown, model, h);
   const int fixed = 0;

@@ -79,6 +79,33 @@ TEST(ZoneCompliance, UntoldRemovalsAreFound) {
   expect_exact(model, state, *compliance, zone);
 }
 
+// What is thin when the reference factor is made, and what becomes thin inside the zone; gone at last.
+TEST(ZoneCompliance, ThinTissueIsExact) {
+  const TissueModel model = box(4);
+  const std::vector<int> zone = oracle::nearest(model, tip, 30);
+  TissueState state = deformed(model, 5);
+  const auto thin = [&](Where where, double left) {
+    const std::vector<int> tets = tets_where(model, zone, where);
+    std::vector<Thinned> thinned;
+    for (int i = 0; i < 8; ++i) thinned.push_back({tets[i], left / (1 + i)});
+    thin_tets(model, state, thinned);
+    return std::vector<int>(tets.begin(), tets.begin() + 8);
+  };
+  const std::vector<int> inside = thin(Where::inside, 0.9), across = thin(Where::across, 0.8),
+                         outside = thin(Where::outside, 0.7);
+  const auto compliance = zone_method(model, zone);
+  compliance->update(state);
+  expect_exact(model, state, *compliance, zone);
+  thin(Where::inside, 0.1);
+  compliance->update(state);
+  expect_exact(model, state, *compliance, zone);
+  for (const std::vector<int>& tets : {inside, across, outside}) {
+    remove(model, state, *compliance, tets);
+    compliance->update(state);
+    expect_exact(model, state, *compliance, zone);
+  }
+}
+
 TEST(ZoneCompliance, OrphansInAndOutOfTheZone) {
   const TissueModel model = box(4);
   const std::vector<int> zone = oracle::nearest(model, tip, 30);

@@ -99,8 +99,9 @@ TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
     ContactOptions options;
     options.linearisations = 8;
     options.margin = contact_margin * 3e-3;
-    const Vec3 interim =
-        solve_contact(*first, w->instruments(), sample().pose, h, options, state, *scratch).wrench[0].head<3>();
+    const Vec3 interim = solve_contact(*first, w->instruments(), sample().pose, h, options, state, *scratch)
+                             .wrench[0]
+                             .head<3>();
     const Vec3 own = report.contact.wrench[0].head<3>();
     EXPECT_LT((interim - own).norm(), (corotational ? 1e-2 : 1e-3) * own.norm());
     EXPECT_GT((before - own).norm(), 0.05 * before.norm()) << "it was worth an interim problem";
@@ -141,6 +142,39 @@ TEST_F(PressedWorld, WhatAnotherBodyLosesLeavesAPressedBodysProblemAlone) {
   EXPECT_GT(most, 0);
 }
 
+// What is under the tip becomes less in 0.4 s, then goes: the force falls in every step, by little, and what
+// goes at last takes less of it than what goes at once. No step but the last has an interim problem.
+TEST_F(PressedWorld, ByDegreesTheForceFallsByDegrees) {
+  const auto w = world(true);
+  StepReport report;
+  for (int i = 0; i < 40; ++i) report = step(*w);
+  const double before = report.contact.wrench[0].z();
+  const std::vector<int> under = under_tip(*w);
+  w->schedule_thinning(0, under, 0.4, 0);
+  const Body& body = w->bodies()[0];
+  std::vector<double> force = {before};
+  for (int i = 0; i < 19; ++i) {
+    report = step(*w);
+    EXPECT_FALSE(report.interim);
+    force.push_back(report.contact.wrench[0].z());
+  }
+  for (std::size_t i = 2; i < force.size(); ++i) {
+    EXPECT_LT(force[i], force[i - 1]) << i;
+    EXPECT_GT(force[i], 0.98 * force[i - 1]) << i;
+  }
+  EXPECT_LT(force.back(), 0.9 * before);
+  for (const int t : under) EXPECT_NEAR(body.state.left[t], spent_left, 1e-12);
+  w->schedule_removal(0, under);
+  report = step(*w);
+  EXPECT_TRUE(report.interim);
+  const double last = force.back() - report.contact.wrench[0].z();
+
+  const auto at_once = world(true);
+  for (int i = 0; i < 40; ++i) step(*at_once);
+  at_once->schedule_removal(0, under);
+  EXPECT_LT(last, 0.75 * (before - step(*at_once).contact.wrench[0].z()));
+}
+
 // The tip goes on sideways after the step in which elements went.
 TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
   const auto w = world(true);
@@ -165,8 +199,9 @@ TEST_F(PressedWorld, IsRefreshedForWhereTheInstrumentIsAfterARemovalAlone) {
     ContactOptions options;
     options.linearisations = 8;
     options.margin = contact_margin * 3e-3;
-    return Vec3(
-        solve_contact(problem, w->instruments(), moved.pose, h, options, state, *scratch).wrench[0].head<3>());
+    return Vec3(solve_contact(problem, w->instruments(), moved.pose, h, options, state, *scratch)
+                    .wrench[0]
+                    .head<3>());
   };
   const Vec3 once = force(*refreshed);
   const double change = (once - force(*second)).norm();

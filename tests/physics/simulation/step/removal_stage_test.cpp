@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "tests/support/mesh_shapes.h"
 
@@ -69,6 +70,55 @@ TEST_F(Carving, WhatWasScheduledGoesOnceWhateverTheTipDoes) {
   EXPECT_FALSE(bodies[0].free.ahead);
   EXPECT_TRUE(stage.gone()[0].empty());
   EXPECT_EQ(remove(stage, {}).tets, 0);
+}
+
+// 250 a second of a body of equal tetrahedra: each step takes five of them, in equal shares of those that the
+// tip meets, until a tenth of each is left; all go in the step after that.
+TEST_F(Carving, ByDegreesTheTipTakesItsRateFromAllThatItMeets) {
+  RemovalStage stage(RemovalSettings{.rate = 250, .stroke = 1e-4, .gradual = true}, h, 1);
+  const TissueModel& model = bodies[0].model;
+  const auto n = static_cast<int>(tets_at_tip(model, bodies[0].state, instrument, inside.pose, 1e-4).size());
+  ASSERT_GT(n, 8);
+  const auto volume = [&] {
+    double sum = 0;
+    for (int t = 0; t < model.tet_count(); ++t) sum += volume_left(model, bodies[0].state, t);
+    return sum;
+  };
+  const double per_step = 250 * h * bodies[0].mean_volume;
+  int steps = 0;
+  for (double before = volume(); remove(stage, inside).tets == 0; before = volume()) {
+    EXPECT_EQ(stage.thin(bodies, instrument, inside, inside.pose, h), std::vector<int>{0});
+    if (++steps < static_cast<int>(0.9 * n / 5)) {
+      EXPECT_NEAR(before - volume(), per_step, 1e-9 * per_step);
+    }
+    ASSERT_LT(steps, 1000);
+  }
+  EXPECT_EQ(steps, static_cast<int>(std::ceil(0.9 * n / 5)));
+  EXPECT_GE(stage.total(), n);
+}
+
+TEST_F(Carving, ByDegreesNothingGoesWithoutThePedal) {
+  RemovalStage stage(RemovalSettings{.rate = 250, .stroke = 1e-4, .gradual = true}, h, 1);
+  InstrumentSample up = inside;
+  up.phaco = false;
+  EXPECT_TRUE(stage.thin(bodies, instrument, up, up.pose, h).empty());
+  EXPECT_TRUE(stage.thin(bodies, instrument, outside, outside.pose, h).empty());
+}
+
+// left(t) = 1 − (t − begin)/time, in the middle of the problem's use, down to what goes.
+TEST_F(Carving, WhatIsScheduledToBecomeLessDoesSoEvenly) {
+  RemovalStage stage(RemovalSettings{}, h, 1);
+  stage.schedule_thinning(0, std::vector<int>{4, 7}, 0.2, -5e-3);
+  for (int k = 0; k < 12; ++k) {
+    EXPECT_EQ(remove(stage, {}).tets, 0);
+    stage.thin(bodies, instrument, {}, {}, 0.018);
+    const double expected = std::clamp(1 - (k * h + 0.018 - 5e-3) / 0.2, spent_left, 1.0);
+    EXPECT_NEAR(bodies[0].state.left[4], expected, 1e-12);
+    EXPECT_EQ(bodies[0].state.left[7], bodies[0].state.left[4]);
+  }
+  stage.schedule(0, {4, 7});
+  EXPECT_EQ(remove(stage, {}).tets, 2);
+  EXPECT_TRUE(stage.thin(bodies, instrument, {}, {}, 0.018).empty());
 }
 
 }  // namespace

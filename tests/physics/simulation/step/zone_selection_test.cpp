@@ -83,7 +83,8 @@ TEST_F(ZoneSelection, OfAFactorMadeElsewhereItIsAheadOfTheInstrument) {
 
 // A rod sunk along the whole block would fill the zone; what the tip beside it needs is in it all the same.
 TEST(ZoneOfTwo, HasWhatBothNeedWhereOneAloneWouldFillIt) {
-  BodySettings settings{"block", true, box_mesh(Vec3(0.02, 0.02, 0.02), 16, 16, 16), {5000, 0.4, 1000, 5, 0.002}, {}, 0, true};
+  BodySettings settings{
+      "block", true, box_mesh(Vec3(0.02, 0.02, 0.02), 16, 16, 16), {5000, 0.4, 1000, 5, 0.002}, {}, 0, true};
   const Body body(std::move(settings), 0.02, Vec3::Zero());
   Primitive rod, tip;
   rod.shape = Shape::capsule;
