@@ -11,6 +11,12 @@ constexpr double sleeping_speed = 1e-5;  // [m/s]
 
 TissueModel model_of(BodySettings& s, const Vec3& gravity) {
   TissueModel model;
+  if (s.start) {
+    model = s.start->model;
+    model.corotational = s.corotational;
+    model.dynamic = s.dynamic;
+    return model;
+  }
   if (s.deformable) {
     model = make_tissue_model(std::move(s.mesh), s.material, s.fixed_nodes, gravity, s.room);
     model.corotational = s.corotational;
@@ -41,7 +47,12 @@ double mean_volume_of(const TissueModel& model) {
   return sum / std::max(1, model.tets_in_use);
 }
 
-TissueState state_of(const TissueModel& model, bool deformable) {
+TissueState state_of(const TissueModel& model, bool deformable, const BodyStart* start) {
+  if (start) {
+    TissueState state = start->state;
+    if (!model.corotational) std::fill(state.rotation.begin(), state.rotation.end(), Mat3::Identity());
+    return state;
+  }
   if (deformable) return rest_state(model);
   TissueState state;
   state.x = model.mesh.nodes;
@@ -56,15 +67,17 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
       deformable(settings.deformable),
       friction(settings.friction),
       removable(settings.removable),
-      toughness(settings.deformable ? settings.toughness : 0),
+      toughness(settings.deformable && !settings.start ? settings.toughness : 0),
       cutting_viscosity(settings.cutting_viscosity),
-      tearing(settings.tearing),
+      tearing(settings.start ? TearSettings() : settings.tearing),
       model(model_of(settings, gravity)),
       edge(mean_edge(model.mesh)),
       mean_volume(deformable ? mean_volume_of(model) : 0),
-      state(state_of(model, deformable)),
-      surface(model.mesh),
+      state(state_of(model, deformable, settings.start.get())),
+      surface(settings.start ? settings.start->surface : BoundarySurface(model.mesh)),
       references(nullptr) {
+  if (settings.start && !deformable)
+    throw std::invalid_argument(name + ": a rigid body has no state to begin from");
   if (removable && !deformable) throw std::invalid_argument(name + ": a rigid body cannot be removable");
   if (removable && !model.dynamic)
     throw std::invalid_argument(name +
@@ -75,6 +88,10 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
   free.dx = VecX::Zero(3 * model.node_count());
   scratch.force = free.dx;
   times = options.times;
+}
+
+std::shared_ptr<const BodyStart> start_of(const Body& body) {
+  return std::make_shared<const BodyStart>(BodyStart{body.model, body.state, body.surface});
 }
 
 bool at_rest(const Body& body) {

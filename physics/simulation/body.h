@@ -21,6 +21,14 @@
 
 namespace hapticd {
 
+// A deformable body as it stands between two steps, for another world to begin from: removed and torn as it
+// is, and moving. What contact, fronts of cuts and factors remember is not in it.
+struct BodyStart {
+  TissueModel model;
+  TissueState state;
+  BoundarySurface surface;
+};
+
 struct BodySettings {
   std::string name;
   bool deformable = true;
@@ -37,6 +45,9 @@ struct BodySettings {
   double cutting_viscosity = 0;  // c: what cutting costs more by its speed [N·s/m²]
   std::vector<TissueRegion> regions = {};  // deformable only; a stretched one cannot be cut
   std::vector<NodeSpring> springs = {};    // deformable only; per node, or empty
+  // Deformable only; null: at rest. Instead of mesh, material, fixed nodes, room, regions and springs; the
+  // body is then cut and torn no further.
+  std::shared_ptr<const BodyStart> start = {};
 };
 
 // Nothing here outlives the function that fills it.
@@ -80,6 +91,8 @@ struct Body {
   Body(const Body&) = delete;
   Body& operator=(const Body&) = delete;
 };
+
+std::shared_ptr<const BodyStart> start_of(const Body& body);
 
 // The compliance refers to its body's model, so bodies never move.
 using Bodies = std::deque<Body>;

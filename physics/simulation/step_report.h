@@ -34,6 +34,7 @@ struct StepReport {
   int bounded_bodies = 0;   // whose motion was held back, for it would have made energy (energy_bound.h)
   int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
+  EachInstrument<double> occlusion;  // of the ports, as the contact solve had them (suction.h)
   // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
   // one over for the other does to the force. Of methods that keep reference factors, in steps with a new
   // reference factor or a removal.

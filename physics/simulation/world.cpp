@@ -79,7 +79,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
       (report.removed > 0 || report.split) && !report.interim;  // since the one before
   gather(samples, topology_changed, problem, report);
   contact_.condense(context_, factors_, samples, problem, report);
-  draw(samples, problem);
+  report.occlusion = draw(samples, problem);
   body_contact_.solve(context_, factors_, contact_, samples, problem,
                       wrenches_before_handover(samples, report), report);
   placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
@@ -109,9 +109,9 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
 }
 
 // The pumps' vacuum on what their ports cover: where the last solve left tips and tissue, as either goes on
-// from there.
-void World::draw(const InstrumentSamples& samples, CondensedProblem& problem) {
-  if (!any_port(instruments_)) return;
+// from there. Returns how far they are covered.
+EachInstrument<double> World::draw(const InstrumentSamples& samples, CondensedProblem& problem) {
+  if (!any_port(instruments_)) return {};
   const InstrumentPoses next =
       start_coupling(problem, poses_of(samples), settings_.h, contact_.state.solver.coupling_offset).X_start;
   InstrumentPoses X = next;
@@ -120,7 +120,7 @@ void World::draw(const InstrumentSamples& samples, CondensedProblem& problem) {
     if (X.present[i] && placed_.present[i]) X[i] = placed_[i];
     vacuum[i] = samples[i].vacuum;
   }
-  apply_suction(instruments_, X, next, problem.x_now, vacuum, problem);
+  return apply_suction(instruments_, X, next, problem.x_now, vacuum, problem);
 }
 
 // Where they will be, so much later.

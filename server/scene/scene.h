@@ -5,6 +5,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,6 +24,8 @@
 
 namespace hapticd {
 
+struct BodyStart;
+
 enum class BodyKind { deformable, rigid };  // rigid: a fixed obstacle
 
 struct SceneBody {
@@ -30,19 +33,20 @@ struct SceneBody {
   BodyKind kind = BodyKind::deformable;
   std::filesystem::path mesh_file;
   TetMesh mesh;
-  Material material;             // deformable only
-  std::vector<int> fixed_nodes;  // deformable only; empty: it floats, or springs hold it
-  std::vector<TissueRegion> regions = {};  // deformable only; what differs from the material
-  std::vector<NodeSpring> springs = {};    // deformable only; per node, or empty
-  double friction = 0;           // μ against the instrument
-  bool removable = false;        // the tip may destroy it
-  double toughness = 0;          // J [J/m²]: a blade's edge cuts it; 0: none does
-  double cutting_viscosity = 0;  // c: … and more by its speed [N·s/m²]
-  int max_new_nodes = 0;         // that cuts may add
-  TearSettings tearing = {};     // off unless its toughness is positive
-  bool corotational = true;      // deformable only; false: linear
-  bool dynamic = true;           // deformable only; false: neither inertia nor damping
-  bool simulated = true;         // deformable only; false: stands where it is, an obstacle
+  Material material;                            // deformable only
+  std::vector<int> fixed_nodes;                 // deformable only; empty: it floats, or springs hold it
+  std::vector<TissueRegion> regions = {};       // deformable only; what differs from the material
+  std::vector<NodeSpring> springs = {};         // deformable only; per node, or empty
+  double friction = 0;                          // μ against the instrument
+  bool removable = false;                       // the tip may destroy it
+  double toughness = 0;                         // J [J/m²]: a blade's edge cuts it; 0: none does
+  double cutting_viscosity = 0;                 // c: … and more by its speed [N·s/m²]
+  int max_new_nodes = 0;                        // that cuts may add
+  TearSettings tearing = {};                    // off unless its toughness is positive
+  bool corotational = true;                     // deformable only; false: linear
+  bool dynamic = true;                          // deformable only; false: neither inertia nor damping
+  bool simulated = true;                        // deformable only; false: stands where it is, an obstacle
+  std::shared_ptr<const BodyStart> start = {};  // deformable only; null: at rest (body.h)
   // Said by the scene, so that the plan leaves it.
   bool pinned_elements = false, pinned_motion = false, pinned_simulated = false;
 };

@@ -66,7 +66,8 @@ std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& setti
                       b.tearing,
                       b.cutting_viscosity,
                       b.regions,
-                      b.springs});
+                      b.springs,
+                      deforms(b) ? b.start : nullptr});
   return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
 }
 

@@ -55,7 +55,11 @@ double third_law_defect(const CondensedProblem& problem, const ContactScratch& s
   };
   for (const Vec6& w : solution.wrench.value) add(w.head<3>());
   const VecX on_tissue = force_on_patch(problem, scratch);
-  for (int n = 0; n < problem.nodes; ++n) add(on_tissue.segment<3>(3 * n));
+  const bool pulled = is_pulled(problem);
+  for (int n = 0; n < problem.nodes; ++n) {
+    add(on_tissue.segment<3>(3 * n));
+    if (pulled) add(problem.pull[static_cast<std::size_t>(n)]);
+  }
   const ContactRows& rows = scratch.rows;
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[static_cast<std::size_t>(i)];

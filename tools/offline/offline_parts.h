@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <ctime>
 
+#include "physics/contact/suction.h"
 #include "tools/offline/offline_run.h"
 
 namespace hapticd::offline {
@@ -38,7 +39,7 @@ class Cost {
 inline InstrumentSample instrument_at(const OfflineInput& input, int i, double t) {
   InstrumentSample sample;
   if (input.motion[i].samples.empty()) return sample;
-  sample.pose = sample_at(input.motion[i], std::max(t, input.from));
+  sample.pose = sample_at(input.motion[i], input.leads_in ? t : std::max(t, input.from));
   if (input.approach[i] > 0 && t < input.from) {
     constexpr double of_settling = 0.6;
     const double s = std::clamp((t - input.from + input.settle) / (of_settling * input.settle), 0.0, 1.0);
@@ -55,6 +56,32 @@ inline InstrumentSamples instruments_at(const OfflineInput& input, double t) {
   for (int i = 0; i < max_instruments; ++i) samples[i] = instrument_at(input, i, t);
   return samples;
 }
+
+// The pedals that act at t.
+inline std::uint32_t pedals_at(const OfflineInput& input, int i, double t) {
+  const bool acts = t >= input.from - instant || input.leads_in;
+  if (input.pedals == Pedals::idle || !acts || input.motion[i].samples.empty()) return 0;
+  const std::uint32_t down = buttons_at(input.motion[i], t);
+  return input.pedals == Pedals::all ? down : down & std::uint32_t{pedal_aspiration};
+}
+
+// Each port's pump, where no haptic loop has it.
+class Pumps {
+ public:
+  explicit Pumps(const OfflineInput& input) : input_(input) {}
+
+  // A period that ends at t. occlusion: of the last solve.
+  void run(double t, double period, Instruments shapes, const EachInstrument<double>& occlusion) {
+    for (int i = 0; i < shapes.count(); ++i)
+      vacuum_[i] = pumped(shapes[i].port, vacuum_[i], occlusion[i],
+                          (pedals_at(input_, i, t) & pedal_aspiration) != 0, period);
+  }
+  double operator[](int i) const { return vacuum_[i]; }
+
+ private:
+  const OfflineInput& input_;
+  EachInstrument<double> vacuum_;
+};
 
 inline std::size_t compliance_bytes(const StepReport& report) {
   std::size_t bytes = 0;

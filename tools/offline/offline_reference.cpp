@@ -25,7 +25,8 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
   exact.compliance = ComplianceMethod::exact;
   exact.contact = Renewal::renewed;
   WorldSettings settings = world_settings(exact);
-  settings.lead = 0;  // its problems are for their own time
+  settings.removal = {};  // what goes is scheduled
+  settings.lead = 0;      // its problems are for their own time
   settings.linearisations = 6;
   settings.coulomb.tolerance = 1e-10;
   settings.coulomb.max_sweeps = 1000;
@@ -35,6 +36,9 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
 
   OfflineResult result;
   offline::Removals removals(input.removals);
+  offline::Pumps pumps(input);
+  const std::vector<Instrument> shapes = shapes_of(scene);
+  StepReport report;
   const auto per_tick = static_cast<int>(std::lround(offline::tick / h));
   const auto settle = static_cast<int>(std::lround(input.settle / h));
   const auto steps = settle + static_cast<int>(std::lround((input.to - input.from) / h));
@@ -42,10 +46,12 @@ OfflineResult run_reference(const Scene& scene, const OfflineInput& input, doubl
     const double t = input.from + h * (i - settle);
     removals.apply(t, 0, h, *world);
     const bool counts = i >= settle;
-    StepReport report;
+    pumps.run(t, h, shapes, report.occlusion);
+    InstrumentSamples samples = offline::instruments_at(input, t);
+    for (int k = 0; k < static_cast<int>(shapes.size()); ++k) samples[k].vacuum = pumps[k];
     {
       const offline::Cost cost(result.simulation, counts);
-      report = world->step([&] { return offline::instruments_at(input, t); }, *problem);
+      report = world->step([&] { return samples; }, *problem);
     }
     result.removed += report.removed;
     result.inverted = std::max(result.inverted, inverted_tets(world->bodies()));
@@ -77,18 +83,23 @@ RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, s
   std::vector<std::map<int, double>> met(world->bodies().size());  // when a tip did, by tetrahedron
   for (const Body& body : world->bodies()) alive.push_back(body.state.alive);
   const auto steps = static_cast<int>(std::floor((input.to - input.from + input.settle) / period));
+  offline::Pumps pumps(input);
+  const std::vector<Instrument> shapes = shapes_of(scene);
+  StepReport report;
   for (int k = 0; k < steps; ++k) {
     const double t = input.from - input.settle + period * k;
     InstrumentSamples samples = offline::instruments_at(input, t);
-    const bool in_window = t >= input.from - offline::instant;
+    const bool in_window = t >= input.from - offline::instant || input.leads_in;
+    pumps.run(t, period, shapes, report.occlusion);
     if (per_step) samples[0].phaco = in_window;
     for (int i = 0; !per_step && in_window && i < max_instruments; ++i) {
       if (!samples[i].present) continue;
       const std::uint32_t pedals = buttons_at(input.motion[i], t);
       samples[i].phaco = pedals & pedal_phaco;
       samples[i].aspiration = pedals & pedal_aspiration;
+      samples[i].vacuum = pumps[i];
     }
-    world->step([&] { return samples; }, *problem);
+    report = world->step([&] { return samples; }, *problem);
     for (std::size_t b = 0; b < alive.size(); ++b) {
       const auto& now = world->bodies()[b].state.alive;
       std::vector<int> gone;

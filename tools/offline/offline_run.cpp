@@ -25,8 +25,9 @@ constexpr std::int64_t first_ns = 1'000'000'000;
 
 std::int64_t nanoseconds(double t) { return std::llround(1e9 * t); }
 
-WorldSettings settings_of(const Scene& scene, const OfflineOptions& options) {
+WorldSettings settings_of(const Scene& scene, const OfflineInput& input, const OfflineOptions& options) {
   WorldSettings settings = world_settings(scene);
+  if (input.pedals != Pedals::all) settings.removal = {};
   settings.compliance_options.warping = options.warping;
   settings.newest_pose = options.newest_pose;
   settings.fresh_free_motion = options.fresh_free_motion;
@@ -85,13 +86,15 @@ class Run {
         result_(result),
         removals_(input.removals),
         period_(1 / scene.rate),
+        pumps_(input),
+        before_step_(options.before_step),
         solved_(options.rendering == Rendering::solved),
         interims_(solved_ || options.rendering == Rendering::alone),
         shapes_(shapes_of(scene)),
         local_(options.rendering, shapes_, haptic_options(scene).contact, 1 / scene.rate) {
     if (1 / scene.rate < offline::tick - offline::instant)
       throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
-    auto world = make_world(scene, settings_of(scene, options));
+    auto world = make_world(scene, settings_of(scene, input, options));
     VirtualDaemonSettings settings;
     settings.timing = timing_of(options, *world);
     settings.schedule.interims = options.interim_after && interims_;
@@ -124,19 +127,21 @@ class Run {
     {
       const offline::Cost cost(result_.haptic, counts);
       if (solved_)
-        out = answered(now, samples, [&](const HapticInput& input) { return daemon_->tick(input); });
+        out = answered(now, t, samples, [&](const HapticInput& input) { return daemon_->tick(input); });
       else if (alone_)
-        out = answered(now, samples, [&](const HapticInput& input) { return alone_->tick(input); });
+        out = answered(now, t, samples, [&](const HapticInput& input) { return alone_->tick(input); });
       else
         out = local(t, samples);
     }
     if (solved_ && counts) look_at_tick();
     if (!solved_) {
+      pumps_.run(t, offline::tick, shapes_, daemon_->schedule().report().occlusion);
       InstrumentInputs there;
       for (int i = 0; i < count(); ++i) {
         there[i].present = samples[i].present;
         there[i].X = samples[i].pose;
         there[i].received_ns = now;
+        there[i].vacuum = pumps_[i];
       }
       daemon_->tell(there);
     }
@@ -155,6 +160,7 @@ class Run {
     if (action == StepAction::begin) {
       const double t = input_.from - input_.settle + 1e-9 * static_cast<double>(ns - first_ns);
       counts_ = t >= input_.from - offline::instant;
+      if (before_step_) before_step_(t, daemon_->world());
       removals_.apply(t, removal_lead, period_, daemon_->world());
       spent_ = 0;
     }
@@ -199,8 +205,9 @@ class Run {
   void look_at_tick() {
     const HapticState& state = daemon_->haptic().state();
     if (!state.solved || state.solution.status == SolveStatus::not_finite) return;
-    result_.third_law = std::max(
-        result_.third_law, third_law_defect(*daemon_->haptic().problem(), state.scratch, state.solution));
+    const CondensedProblem& solved =
+        state.patch.step > 0 ? state.patch.problem : *daemon_->haptic().problem();
+    result_.third_law = std::max(result_.third_law, third_law_defect(solved, state.scratch, state.solution));
   }
 
   OfflineTicks local(double t, const InstrumentSamples& samples) {
@@ -212,7 +219,7 @@ class Run {
 
   // tick: what makes answers of all devices' states.
   template <typename Tick>
-  OfflineTicks answered(std::int64_t now, const InstrumentSamples& samples, const Tick& tick) {
+  OfflineTicks answered(std::int64_t now, double t, const InstrumentSamples& samples, const Tick& tick) {
     HapticInput input;
     input.now_ns = now;
     const bool first = count_++ == 0;
@@ -224,6 +231,7 @@ class Run {
       device.sample.sequence = count_;
       device.sample.client_time_ns = device.sample.received_ns = now;
       device.sample.pose = to_device(daemon_->haptic().device(i), samples[i].pose);
+      device.sample.buttons = offline::pedals_at(input_, i, t);
       device.sample.enable = true;
     }
     const EachInstrument<ForceSample> answers = tick(input);
@@ -247,6 +255,8 @@ class Run {
   OfflineResult& result_;
   offline::Removals removals_;
   double period_;  // of a simulation step [s]
+  offline::Pumps pumps_;
+  const std::function<void(double, const World&)> before_step_;
   const bool solved_, interims_;
   const std::vector<Instrument> shapes_;
   LocalModel local_;

@@ -33,6 +33,9 @@ struct RemovalEvent {
 };
 using RemovalSchedule = std::vector<RemovalEvent>;  // by time
 
+// What pedals do in a run: nothing; ports draw; or, beside that, elements go by the instruments' own rules.
+enum class Pedals { idle, suction, all };
+
 // What is compared along: poses of the instruments in the scene, a window, and removals in it.
 struct OfflineInput {
   EachInstrument<Trajectory> motion;  // on one time axis; one without samples is not there
@@ -41,6 +44,10 @@ struct OfflineInput {
   // Of a window that begins in contact: in the first 0.6 of settling an instrument comes down to its first
   // pose from so high above it (+z of the scene) [m]. Put there at once, what friction holds is chance.
   EachInstrument<double> approach;
+  // The first poses are not held: while settling, motions and removals go on towards the window's begin, for
+  // a scene whose bodies begin from a state (operation_history.h). Pumps begin without vacuum.
+  bool leads_in = false;
+  Pedals pedals = Pedals::idle;
   RemovalSchedule removals;
 };
 
@@ -83,6 +90,8 @@ struct OfflineOptions {
   // What becomes of a problem on its way to the tick. Absent: nothing.
   std::function<void(CondensedProblem&)> carried = {};
   std::optional<LinkTrouble> link = {};  // between the daemon's halves
+  // At each step's begin, before it. Absent: nothing.
+  std::function<void(double t, const World&)> before_step = {};
   bool passivity_control = false;
 };
 

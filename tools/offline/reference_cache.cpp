@@ -5,6 +5,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "physics/simulation/body.h"
 #include "server/files/paths.h"
 #include "tools/cli/report.h"
 
@@ -27,6 +28,12 @@ class Hash {
   void pose(const Pose& X) {
     vector(X.p);
     bytes(X.q.coeffs().data(), sizeof(double) * 4);
+  }
+  void start(const BodyStart& from) {
+    for (const Tet& t : from.model.mesh.tets) bytes(t.data(), sizeof t);
+    for (const Vec3& x : from.state.x) vector(x);
+    for (const Vec3& v : from.state.v) vector(v);
+    bytes(from.state.alive.data(), from.state.alive.size());
   }
   std::uint64_t value() const { return value_; }
 
@@ -126,6 +133,7 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
     hash.bytes(b.tearing.clefts.data(), b.tearing.clefts.size());
     hash.number(b.corotational);
     hash.number(b.max_new_nodes);
+    if (b.start) hash.start(*b.start);
   }
   for (const ContactPair& p : scene.contacts) {
     hash.number(p.points);
@@ -140,6 +148,10 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
       hash.pose(p.placement);
       for (const Vec3& v : p.vertices) hash.vector(v);
     }
+    const Port& port = held.shape.port;
+    for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time}) hash.number(x);
+    hash.vector(port.position);
+    hash.vector(port.direction);
     for (const Vec3& p : held.shape.blade.edge) hash.vector(p);
     hash.vector(held.shape.blade.direction);
     hash.number(held.shape.blade.sample.size());
@@ -151,10 +163,13 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
                          input.to, input.settle})
     hash.number(x);
   hash.vector(scene.gravity);
+  hash.number(input.leads_in);
+  hash.number(static_cast<int>(input.pedals));
   for (int i = 0; i < max_instruments; ++i) {
     hash.number(input.approach[i]);
     for (const TrajectorySample& s : input.motion[i].samples) {
       hash.number(s.t);
+      hash.number(s.buttons);
       hash.pose(s.pose);
     }
   }

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <map>
 
+#include "tools/offline/operation_history.h"
 #include "tools/offline/reference_cache.h"
 
 namespace hapticd {
@@ -33,6 +34,7 @@ class Work {
     };
   }
   bool goes_on() const { return go_on_; }
+  void is_whole(double whole) { whole_ = whole; }
 
  private:
   const Report& report_;
@@ -125,6 +127,7 @@ const ForceRun::Trace* trace(const ForceRun& run, const std::string& label) {
 }
 
 struct Job {
+  Scene scene;
   OfflineInput input;
   std::string trajectory;
   int removals;
@@ -135,23 +138,37 @@ std::vector<Job> recording_jobs(const Scene& scene, const std::vector<std::files
   std::vector<Job> jobs;
   for (const std::filesystem::path& file : recordings)
     for (const int per_step : removals) {
-      Job job{motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
+      Job job{scene, motion_in_scene(scene, file, settings.window), file.stem().string(), per_step};
       if (per_step > 0) job.input.removals = record_removals(scene, job.input, per_step);
       jobs.push_back(std::move(job));
     }
   return jobs;
 }
 
+// What is another part's has no removals, and no history.
 std::vector<Job> window_jobs(const Scene& scene, const std::vector<ForceWindow>& windows,
-                             const std::vector<int>& removals) {
+                             const ForceChartSettings& settings, Work& work) {
+  const std::vector<int>& removals = settings.removals;
   std::vector<Job> jobs;
+  std::vector<std::size_t> with_history;
   for (const ForceWindow& w : windows) {
     if (std::none_of(removals.begin(), removals.end(), [&](int r) { return (r > 0) == w.removals; }))
       continue;
-    Job job{motions_in_window(scene, w), w.name, w.removals ? 1 : 0};
-    if (w.removals) job.input.removals = record_removals(scene, job.input, {});
-    jobs.push_back(std::move(job));
+    if (w.history && settings.shard.has(jobs.size())) with_history.push_back(jobs.size());
+    jobs.push_back({scene, motions_in_window(scene, w), w.name, w.removals ? 1 : 0});
   }
+  if (!with_history.empty()) {
+    std::vector<double> begins;
+    for (const std::size_t k : with_history) begins.push_back(jobs[k].input.from - jobs[k].input.settle);
+    work.begin("what the operation leaves",
+               *std::max_element(begins.begin(), begins.end()) * scene.rate * step_weight(scene));
+    const std::vector<BodyStarts> starts = bodies_along_trajectories(scene, begins, work.progress());
+    for (std::size_t i = 0; i < starts.size(); ++i)
+      jobs[with_history[i]].scene = begun_from(scene, starts[i]);
+  }
+  for (std::size_t k = 0; k < jobs.size() && work.goes_on(); ++k)
+    if (jobs[k].removals > 0 && settings.shard.has(k))
+      jobs[k].input.removals = record_removals(jobs[k].scene, jobs[k].input, {});
   return jobs;
 }
 
@@ -233,10 +250,13 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     if (!settings.quick || c.quick || c.label == table.default_label) chosen.push_back(&c);
   const std::vector<int>& removals = settings.removals;
 
+  double whole = 0;
+  for (const ForceWindow& w : table.windows)
+    if (w.history) whole = std::max(whole, w.from * scene.rate * step_weight(scene));
+  Work work(progress, whole);
   // Inputs first: a fault in the last recording is not found after an hour.
   const std::vector<Job> jobs = table.windows.empty() ? recording_jobs(scene, recordings, settings, removals)
-                                                      : window_jobs(scene, table.windows, removals);
-  double whole = 0;
+                                                      : window_jobs(scene, table.windows, settings, work);
   for (const Job& job : jobs) {
     const double span = job.input.to - job.input.from + job.input.settle;
     whole += (job.removals > 0 ? 90 : 15) * span / longest_step * step_weight(scene);
@@ -250,12 +270,13 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
   ForceChart chart;
   chart.default_label = table.default_label;
   chart.shard = ShardLedger(settings.shard);
-  Work work(progress, whole);
+  work.is_whole(whole);
   for (const Job& job : jobs) {
     if (!chart.shard.begins()) continue;
+    if (!work.goes_on()) return chart;
     const std::string what = job.trajectory + (job.removals > 0 ? " with removals" : "");
     const double shortest = job.removals > 0 ? shortest_with_removals : shortest_step;
-    const Reference own = reference_of(scene, job.input, shortest, settings, what, work);
+    const Reference own = reference_of(job.scene, job.input, shortest, settings, what, work);
     Reference finest_reference;
     std::map<double, Reference> felt;  // by delay
     if (job.removals > 0) felt[0] = own;
@@ -277,13 +298,13 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
     run.reference = own.run.hands;
     for (const ForceConfiguration* c : chosen) {
       if (!work.goes_on()) return chart;
-      // A schedule names elements of the scene's own mesh.
-      if (!c->meshes.empty() && job.removals > 0) continue;
-      const Scene as = configured(scene, *c);
+      // A schedule names elements of the scene's own mesh, and so does a history.
+      if (!c->meshes.empty() && (job.removals > 0 || job.input.leads_in)) continue;
+      const Scene as = configured(job.scene, *c);
       Reference other;
       if (!c->meshes.empty())
-        other =
-            reference_of(with_meshes(scene, c->meshes), job.input, shortest_step, settings, c->label, work);
+        other = reference_of(with_meshes(job.scene, c->meshes), job.input, shortest_step, settings, c->label,
+                             work);
       const Reference& truth = c->meshes.empty() ? own : other;
       work.begin(what + ": " + c->label,
                  (job.input.to - job.input.from + job.input.settle) * as.rate * step_weight(as));
@@ -297,8 +318,8 @@ ForceChart chart_force(const Scene& scene, const std::vector<std::filesystem::pa
       if (job.removals > 0) {
         const double delay = felt_after(c->options, result);
         if (!felt.contains(delay))
-          felt[delay] =
-              reference_of(scene, removed_after(job.input, delay), shortest, settings, what + " felt", work);
+          felt[delay] = reference_of(job.scene, removed_after(job.input, delay), shortest, settings,
+                                     what + " felt", work);
         const Reference& late = felt[delay];
         run.felt_half_step_rel = std::max(run.felt_half_step_rel, late.half_step_rel);
         run.felt_converged = run.felt_converged && late.converged;

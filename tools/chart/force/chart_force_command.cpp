@@ -42,6 +42,8 @@ nlohmann::ordered_json to_json(const ForceError& e) {
           {"torque_rms_rel", e.torque_rms_rel},
           {"swap_jump_p95_rel", e.swap_jump_p95_rel},
           {"swap_step_p95_rel", e.swap_step_p95_rel},
+          {"reference_step_p95_rel", e.reference_step_p95_rel},
+          {"swap_excess_p95_rel", e.swap_excess_p95_rel},
           {"buzz_rms_n", e.buzz_rms_n},
           {"onset_ms", rounded(e.onset_ms, 3)}};
 }

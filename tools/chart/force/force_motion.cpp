@@ -133,6 +133,8 @@ OfflineInput motions_in_window(const Scene& scene, const ForceWindow& window) {
   input.from = window.from;
   input.to = window.to;
   input.settle = settle;
+  input.leads_in = window.history;
+  if (window.removals) input.pedals = Pedals::suction;
   for (std::size_t k = 0; k < scene.instruments.size(); ++k) {
     const SceneInstrument& held = scene.instruments[k];
     if (!held.trajectory)
@@ -143,7 +145,7 @@ OfflineInput motions_in_window(const Scene& scene, const ForceWindow& window) {
       throw InputError(*held.trajectory, 0, "", "does not cover the window '" + window.name + "'");
     const int i = static_cast<int>(k);
     input.motion[i] = motion;
-    input.approach[i] = clear_above(surface, held.shape, sample_at(motion, window.from));
+    if (!window.history) input.approach[i] = clear_above(surface, held.shape, sample_at(motion, window.from));
   }
   return input;
 }

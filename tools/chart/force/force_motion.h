@@ -35,12 +35,15 @@ OfflineInput motion_in_scene(const Scene& scene, const std::filesystem::path& fi
 struct ForceWindow {
   std::string name;
   double from = 0, to = 0;
-  bool removals = false;  // elements go by the instruments' own rules and pedals
+  bool removals = false;  // elements go by the instruments' own rules and pedals, and ports draw
+  // Bodies begin as the operation left them (operation_history.h), so long before `from` as runs settle, or
+  // where the trajectories begin; runs then follow them to `from` instead of holding the first poses.
+  bool history = false;
 };
 
-// Each instrument along its own trajectory, mapped as the daemon maps it; one that overlaps the tissue at
-// rest where the window begins comes down to there first. Errors: InputError for an instrument without a
-// trajectory, or where one does not cover the window.
+// Each instrument along its own trajectory, mapped as the daemon maps it; without a history one that overlaps
+// the tissue at rest where the window begins comes down to there first. Errors: InputError for an instrument
+// without a trajectory, or where one does not cover the window.
 OfflineInput motions_in_window(const Scene& scene, const ForceWindow& window);
 
 }  // namespace hapticd

@@ -56,6 +56,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
           "linearisations",
           "tolerance",
           "sweeps",
+          "limits",
           "blend",
           "reference_after",
           "interim",
@@ -86,6 +87,7 @@ ForceConfiguration read_configuration(const YamlMap& y, const YAML::Node& raw) {
   if (y.has("linearisations")) c.options.linearisations = y.whole("linearisations", 1, 20);
   if (y.has("tolerance")) c.options.tolerance = y.number("tolerance", positive);
   if (y.has("sweeps")) c.options.sweeps_only = y.whole("sweeps", 1, 100000);
+  c.options.limits = y.flag("limits", false);
   if (y.has("blend")) c.options.blend_time = y.number("blend", positive);
   if (y.has("reference_after")) c.options.reference_after = y.number("reference_after", positive);
   if (y.has("interim_after")) c.options.interim_after = y.number("interim_after", positive);
@@ -106,10 +108,10 @@ ForceTable read_force_table(const std::filesystem::path& file) {
   table.default_label = yaml.text("default");
   if (raw["finest"]) table.finest = read_meshes(raw["finest"], yaml.folder());
   for (const YamlMap& w : yaml.has("windows") ? yaml.maps("windows") : std::vector<YamlMap>{}) {
-    w.only({"name", "from", "to", "removals"});
+    w.only({"name", "from", "to", "removals", "history"});
     constexpr NumberRange seconds{0, 3600, false, false, "lies between 0 and 3600 s"};
-    table.windows.push_back(
-        {w.text("name"), w.number("from", seconds), w.number("to", seconds), w.flag("removals", false)});
+    table.windows.push_back({w.text("name"), w.number("from", seconds), w.number("to", seconds),
+                             w.flag("removals", false), w.flag("history", false)});
     if (table.windows.back().to <= table.windows.back().from) throw w.error("to", "lies after 'from'");
   }
   const std::vector<YamlMap> entries = yaml.maps("configurations");

@@ -6,15 +6,16 @@
 //   must
 //     - {name: press, from: 4.6, to: 7.6}            [s]
 //     - {name: sculpt, from: 8, to: 10, removals: true}
+//     - {name: crack, from: 20, to: 21, history: true}    on what the operation left until then
 //   configurations:
 //     - {label: exact, quick: true}       every key but the label may be absent: the scene's own then
 //     - {label: at 100 Hz, rate: 100}
 //
 // Keys: label, quick (also in a quick chart), rate [Hz], compliance, warping, contact, corotational, friction
 // (false: none anywhere), rendering, newest_pose, fresh_free_motion, lead [steps], viscous, linearisations,
-// tolerance, sweeps, blend [s], reference_after [s], interim (false: removals are felt with the step's own
-// problem), interim_after [s], refresh (false: none after removals), meshes (body: file beside the table).
-// Units: SI. Errors: InputError with file, line and key.
+// tolerance, sweeps, limits (true: those of the devices), blend [s], reference_after [s], interim (false:
+// removals are felt with the step's own problem), interim_after [s], refresh (false: none after removals),
+// meshes (body: file beside the table). Units: SI. Errors: InputError with file, line and key.
 #pragma once
 
 #include <filesystem>

@@ -142,6 +142,8 @@ TEST_F(ForceTableFile, NamesItsFaults) {
   EXPECT_THROW(read("default: a\nconfigurations:\n  - {label: a, rate: 0}\n"), InputError);
   const std::string configurations = "\ndefault: a\nconfigurations: [{label: a}]\n";
   EXPECT_EQ(read("windows: [{name: w, from: 1, to: 2, removals: true}]" + configurations).windows.size(), 1u);
+  EXPECT_TRUE(
+      read("windows: [{name: w, from: 1, to: 2, history: true}]" + configurations).windows[0].history);
   EXPECT_THROW(read("windows: [{name: w, from: 2, to: 1}]" + configurations), InputError);
   EXPECT_THROW(read("windows: [{name: w, from: 1}]" + configurations), InputError);
 }
@@ -209,6 +211,29 @@ TEST(ReferenceCache, KnowsTheBladeAndTheTissuesToughness) {
   Blade& blade = other.first().shape.blade;
   blade = make_blade(blade.edge, blade.direction, 8);
   EXPECT_NE(reference_key(scene, input, 1e-3), reference_key(other, input, 1e-3));
+}
+
+// Every stage of the operation, each on the hands' one time axis; a pump's draw and a body's state are part
+// of what a reference depends on.
+TEST(ForceTable, ThePhacosWindowsAreOfEachStage) {
+  const Scene scene = read_scene(SOURCE_DIR "/config/scenes/phaco/phaco.yaml");
+  const ForceTable table = read_force_table(SOURCE_DIR "/config/charts/force_phaco.yaml");
+  double before = -1;
+  for (const ForceWindow& w : table.windows) {
+    EXPECT_GT(w.from, before) << w.name;
+    before = w.from;
+    const OfflineInput input = motions_in_window(scene, w);
+    EXPECT_EQ(input.leads_in, w.history) << w.name;
+    EXPECT_EQ(input.pedals == Pedals::suction, w.removals) << w.name;
+    if (!w.history) continue;
+    EXPECT_EQ(input.approach[0], 0) << w.name;
+    OfflineInput other = input;
+    other.pedals = Pedals::all;
+    EXPECT_NE(reference_key(scene, input, 1e-3), reference_key(scene, other, 1e-3));
+    other = input;
+    other.leads_in = false;
+    EXPECT_NE(reference_key(scene, input, 1e-3), reference_key(scene, other, 1e-3));
+  }
 }
 
 class HandsScene : public testing::Test {
