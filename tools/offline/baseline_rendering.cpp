@@ -1,5 +1,7 @@
 #include "tools/offline/baseline_rendering.h"
 
+#include "haptic/limits.h"
+
 namespace hapticd {
 
 namespace {
@@ -101,6 +103,16 @@ EachInstrument<Vec6> LocalModel::wrench(double t, const InstrumentPoses& X) {
       break;
   }
   return now_;
+}
+
+ForceSample baseline_answer(const DeviceSettings& device, const Pose& pose, const Vec6& wrench) {
+  bool hit = false;
+  const Wrench sent = saturated(device, wrench_on_device(device, pose, wrench), hit);
+  ForceSample answer;
+  answer.force = sent.force;
+  answer.torque = sent.torque;
+  answer.status = hit ? std::uint32_t{status_saturated} : 0u;
+  return answer;
 }
 
 }  // namespace hapticd

@@ -43,4 +43,8 @@ class LocalModel {
   std::unique_ptr<ContactScratch> friction_scratch_ = std::make_unique<ContactScratch>();
 };
 
+// A baseline's answer to a device at `pose`: in its axes and scale, cut off at its largest force, with none
+// of the daemon's watchdogs, blends and slew limits.
+ForceSample baseline_answer(const DeviceSettings& device, const Pose& pose, const Vec6& wrench);
+
 }  // namespace hapticd

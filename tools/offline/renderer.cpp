@@ -74,13 +74,7 @@ ForceSample DaemonRenderer::baseline(std::int64_t now_ns) {
   const DeviceSettings& device = daemon_.haptic().device();
   const Pose X = to_scene(device, newest_.pose);
   const Vec6 w = local_.wrench(1e-9 * static_cast<double>(now_ns - first_ns), X)[0];
-  bool hit = false;
-  const Wrench wrench = saturated(device, wrench_on_device(device, newest_.pose, w), hit);
-  ForceSample answer;
-  answer.force = wrench.force;
-  answer.torque = wrench.torque;
-  answer.status = hit ? std::uint32_t{status_saturated} : 0u;
-  return answer;
+  return baseline_answer(device, newest_.pose, w);
 }
 
 ForceSample DaemonRenderer::tick(const DeviceSample* arrived) {

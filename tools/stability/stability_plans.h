@@ -38,6 +38,12 @@ StabilityPlan plan_bridge(StabilityBench&, bool quick);
 // A blade, and the law of cutting: stability_blade.cpp.
 StabilityPlan plan_blade_below(StabilityBench&, bool quick);
 StabilityPlan plan_blade_at(StabilityBench&, bool quick);
+// A port's pump: stability_vacuum.cpp.
+StabilityPlan plan_vacuum(StabilityBench&, bool quick);
+// Pieces that part, come loose, and are held: stability_pieces.cpp.
+StabilityPlan plan_cracking(StabilityBench&, bool quick);
+StabilityPlan plan_last_bridge(StabilityBench&, bool quick);
+StabilityPlan plan_wedged_piece(StabilityBench&, bool quick);
 // The tool: stability_tool.cpp.
 StabilityPlan plan_fast_stroke(StabilityBench&, bool quick);
 StabilityPlan plan_wedge(StabilityBench&, bool quick);

@@ -16,22 +16,30 @@ HapticOptions options_of(const Scene& scene, const HandsDaemonSettings& settings
   return options;
 }
 
-VirtualDaemonSettings settings_of(const HandsDaemonSettings& of) {
-  VirtualDaemonSettings settings;
-  settings.link = of.link;
-  settings.at_simulation = of.at_simulation;
-  if (of.begun)
-    settings.after = [begun = of.begun](StepAction action, std::int64_t) {
-      if (action == StepAction::begin) begun();
-    };
-  return settings;
+double seconds(std::int64_t now_ns) {
+  return 1e-9 * static_cast<double>(now_ns - VirtualDaemonSettings().first_ns);
 }
 
 }  // namespace
 
+VirtualDaemonSettings HandsDaemon::settings_of(const HandsDaemonSettings& of) {
+  VirtualDaemonSettings settings;
+  settings.link = of.link;
+  settings.at_simulation = of.at_simulation;
+  settings.after = [this, begun = of.begun](StepAction action, std::int64_t ns) {
+    if (action == StepAction::begin && begun) begun();
+    if (action == StepAction::publish && local_)
+      local_->publish(seconds(ns), *daemon_.newest(), daemon_.schedule().report().contact);
+  };
+  return settings;
+}
+
 HandsDaemon::HandsDaemon(const Scene& scene, const HandsDaemonSettings& settings)
-    : daemon_(make_world(scene), scene.rate, devices_of(scene), options_of(scene, settings),
-              settings_of(settings)) {
+    : devices_(devices_of(scene)),
+      daemon_(make_world(scene), scene.rate, devices_, options_of(scene, settings), settings_of(settings)) {
+  if (settings.rendering != Rendering::solved)
+    local_.emplace(settings.rendering, daemon_.world().instruments(), haptic_options(scene).contact,
+                   1 / scene.rate);
   VirtualTiming timing = usual_timing(daemon_.world());
   timing.reference = std::llround(1e9 / scene.rate);
   daemon_.set_timing(timing);
@@ -51,7 +59,28 @@ EachInstrument<ForceSample> HandsDaemon::tick(const EachInstrument<const DeviceS
     device.sample.received_ns = device.sample.client_time_ns = input.now_ns;
   }
   connected_ = connected;
-  return daemon_.tick(input);
+  const EachInstrument<ForceSample> answers = daemon_.tick(input);
+  if (!local_) return answers;
+  for (int i = 0; i < max_instruments; ++i)
+    if (input.device[i].taken) newest_[i] = input.device[i].sample;
+  return baseline(answers, input.now_ns);
+}
+
+EachInstrument<ForceSample> HandsDaemon::baseline(const EachInstrument<ForceSample>& of_daemon,
+                                                  std::int64_t now_ns) {
+  const int count = static_cast<int>(devices_.size());
+  InstrumentPoses X;
+  for (int i = 0; i < count; ++i) {
+    X[i] = to_scene(devices_[static_cast<std::size_t>(i)], newest_[i].pose);
+    X.present[i] = newest_[i].sequence > 0 && connected_[i];
+  }
+  const EachInstrument<Vec6> wrench = local_->wrench(seconds(now_ns), X);
+  EachInstrument<ForceSample> answers;
+  for (int i = 0; i < count; ++i) {
+    answers[i] = baseline_answer(devices_[static_cast<std::size_t>(i)], newest_[i].pose, wrench[i]);
+    answers[i].step = of_daemon[i].step;
+  }
+  return answers;
 }
 
 }  // namespace hapticd
