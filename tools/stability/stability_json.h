@@ -1,4 +1,4 @@
-// The atlas as figures: what `haptic stability --json` writes (tools/CHARTS.md).
+// The atlas as figures: what `haptic stability --json` writes (tools/STABILITY.md).
 //
 // Units are in the keys. What was not measured, or is no number, is null.
 #pragma once
