@@ -158,7 +158,7 @@ TEST_F(SceneInstruments, RemovalIsAtOnceUnlessItsLawIsGradual) {
         tissue +
         "instrument: {tip: t, primitives: [{name: t, shape: sphere, radius: 0.1}], coupling: {stiffness: "
         "10, rotational_stiffness: 2, damping_time: 0.003}}\nremoval: {rate: 5" +
-        law + "}\ndevice: touch\n");
+        law + "}\ndevice: touch\nmapping: {position_scale: 2, force_scale: 3}\n");
   };
   EXPECT_FALSE(with("").first().removal.gradual);
   EXPECT_FALSE(with(", law: instant").first().removal.gradual);
