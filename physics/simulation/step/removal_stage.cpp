@@ -78,38 +78,38 @@ std::vector<int> RemovalStage::thin(Bodies& bodies, Instruments instruments, con
   std::vector<std::vector<Thinned>> thinned(bodies.size());
   std::erase_if(fading_, [&](const Fading& f) { return !bodies[f.body].state.alive[f.tet]; });
   for (Fading& f : fading_) {
-    thinned[f.body].push_back({f.tet, std::clamp(f.left - f.per_second * ahead, spent_left, 1.0)});
+    const double now = bodies[f.body].state.left[f.tet];
+    thinned[f.body].push_back(
+        {f.tet, std::clamp(f.left - f.per_second * ahead, std::min(spent_left, now), now)});
     f.left -= f.per_second * h_;
   }
-  for (int i = 0; i < instruments.count(); ++i)
-    if (samples[i].present && samples[i].phaco && settings_[i].gradual)
-      thin_at_tip(bodies, i, instruments[i], tips[i], thinned);
   std::vector<int> changed;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    if (thinned[b].empty()) continue;
-    thin_tets(bodies[b].model, bodies[b].state, thinned[b]);
-    bodies[b].energy.elastic.resize(0);
+    Body& body = bodies[b];
+    const int before = body.state.thinnings;
+    thin_tets(body.model, body.state, thinned[b]);
+    for (int i = 0; i < instruments.count(); ++i)
+      if (body.removable && samples[i].present && samples[i].phaco && settings_[i].gradual)
+        thin_at_tip(body, static_cast<int>(b), i, instruments[i], tips[i]);
+    if (body.state.thinnings == before) continue;
+    body.energy.elastic.resize(0);
     changed.push_back(static_cast<int>(b));
   }
   return changed;
 }
 
-void RemovalStage::thin_at_tip(Bodies& bodies, int i, const Instrument& instrument, const Pose& tip,
-                               std::vector<std::vector<Thinned>>& thinned) {
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const Body& body = bodies[b];
-    if (!body.removable) continue;
-    const std::vector<int> tets = tets_at_tip(body.model, body.state, instrument, tip, settings_[i].stroke);
-    if (tets.empty()) continue;
-    const double share = settings_[i].rate * h_ * body.mean_volume / static_cast<double>(tets.size());
-    Scheduled spent{static_cast<int>(b), {}};
-    for (const int t : tets) {
-      const double left = body.state.left[t] - share / body.model.volume[t];
-      if (left <= spent_left || (left < 1 && is_crushed(body, t))) spent.tets.push_back(t);
-      thinned[b].push_back({t, std::max(left, spent_left)});
-    }
-    if (!spent.tets.empty()) spent_.push_back(std::move(spent));
+void RemovalStage::thin_at_tip(Body& body, int b, int i, const Instrument& instrument, const Pose& tip) {
+  const std::vector<int> tets = tets_at_tip(body.model, body.state, instrument, tip, settings_[i].stroke);
+  const double share = settings_[i].rate * h_ * body.mean_volume / static_cast<double>(tets.size());
+  std::vector<Thinned> thinned;
+  Scheduled spent{b, {}};
+  for (const int t : tets) {
+    const double left = body.state.left[t] - share / body.model.volume[t];
+    if (left <= spent_left || (left < 1 && is_crushed(body, t))) spent.tets.push_back(t);
+    thinned.push_back({t, std::max(left, spent_left)});
   }
+  thin_tets(body.model, body.state, thinned);
+  if (!spent.tets.empty()) spent_.push_back(std::move(spent));
 }
 
 int RemovalStage::take(Bodies& bodies, int b, std::span<const int> tets) {

@@ -29,7 +29,7 @@ class RemovalStage {
   // The next `remove` takes these too, whatever the tip does.
   void schedule(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
   // These become less, evenly, so fast that after `time` nothing would be left of any, but not less than
-  // `spent_left`; begun: so long before the next step.
+  // `spent_left`, and never more than there is; begun: so long before the next step.
   void schedule_thinning(int body, std::span<const int> tets, double time, double begun);
 
   // tips: the instruments' poses when the problem without these is in use.
@@ -58,8 +58,7 @@ class RemovalStage {
   };
 
   int take(Bodies& bodies, int b, std::span<const int> tets);
-  void thin_at_tip(Bodies& bodies, int i, const Instrument& instrument, const Pose& tip,
-                   std::vector<std::vector<Thinned>>& thinned);
+  void thin_at_tip(Body& body, int b, int i, const Instrument& instrument, const Pose& tip);
   void remove_at_tip(Bodies& bodies, int i, const Instrument& instrument, const InstrumentSample& sample,
                      const Pose& tip, Removed& out);
 

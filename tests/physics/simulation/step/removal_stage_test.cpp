@@ -97,6 +97,27 @@ TEST_F(Carving, ByDegreesTheTipTakesItsRateFromAllThatItMeets) {
   EXPECT_GE(stage.total(), n);
 }
 
+// Two tips at one place take twice as much in a step, and what was less stays less.
+TEST_F(Carving, ByDegreesEachTipTakesItsOwn) {
+  EachInstrument<RemovalSettings> settings;
+  settings[0] = settings[1] = RemovalSettings{.rate = 250, .stroke = 1e-4, .gradual = true};
+  RemovalStage two(settings, h, 1);
+  const std::vector<Instrument> tips = {instrument, instrument};
+  InstrumentSamples samples;
+  InstrumentPoses poses;
+  samples[0] = samples[1] = inside;
+  poses = poses_of(samples);
+  const std::vector<int> met = tets_at_tip(bodies[0].model, bodies[0].state, instrument, inside.pose, 1e-4);
+  two.thin(bodies, tips, samples, poses, h);
+  const int t = met.front();
+  const double share = 250 * h * bodies[0].mean_volume / static_cast<double>(met.size());
+  EXPECT_NEAR(bodies[0].state.left[t], 1 - 2 * share / bodies[0].model.volume[t], 1e-12);
+  const double left = bodies[0].state.left[t];
+  two.schedule_thinning(0, std::vector<int>{t}, 10, 0);
+  two.thin(bodies, tips, {}, {}, h);
+  EXPECT_EQ(bodies[0].state.left[t], left);
+}
+
 TEST_F(Carving, ByDegreesNothingGoesWithoutThePedal) {
   RemovalStage stage(RemovalSettings{.rate = 250, .stroke = 1e-4, .gradual = true}, h, 1);
   InstrumentSample up = inside;
