@@ -5,7 +5,7 @@
 #include <limits>
 #include <numbers>
 
-#include "haptic/problem_check.h"
+#include "haptic/contact/problem_check.h"
 #include "physics/contact/suction.h"
 
 namespace hapticd {

@@ -13,7 +13,7 @@
 
 #include "haptic/limits.h"
 #include "haptic/passivity.h"
-#include "haptic/viscous_patch.h"
+#include "haptic/contact/viscous_patch.h"
 #include "haptic/watchdog.h"
 #include "physics/contact/contact_solve.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "haptic/problem_check.h"
+#include "haptic/contact/problem_check.h"
 #include "server/dds/borrowed.h"
 #include "server/edge/edge_topics.h"
 

@@ -1,5 +1,5 @@
 // A poisoned problem: whatever is wrong with it, the force is zero, latched, and nothing of it is remembered.
-#include "haptic/problem_check.h"
+#include "haptic/contact/problem_check.h"
 
 #include <functional>
 #include <limits>

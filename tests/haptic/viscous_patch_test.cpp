@@ -1,5 +1,5 @@
 // A patch that is viscous on the tick's own time: Kelvin and Voigt's answers by hand.
-#include "haptic/viscous_patch.h"
+#include "haptic/contact/viscous_patch.h"
 
 #include <gtest/gtest.h>
 

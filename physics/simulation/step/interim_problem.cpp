@@ -1,5 +1,5 @@
 // Surface that comes to light is nobody's memory. As x_now is what a viscous patch counts from
-// (haptic/viscous_patch.h), x_free is moved with it:
+// (haptic/contact/viscous_patch.h), x_free is moved with it:
 //
 //   x_eq = (1 + β/h) x_free − (β/h) x    x_now ← x + Δx_pressed,  x_free ← (x_eq + (β/h) x_now) / (1 + β/h)
 #include "physics/simulation/step/interim_problem.h"

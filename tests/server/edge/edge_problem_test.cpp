@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "haptic/problem_check.h"
+#include "haptic/contact/problem_check.h"
 #include "tests/support/contact_problems.h"
 #include "tests/support/malloc_guard.h"
 

@@ -1,4 +1,4 @@
-#include "haptic/problem_check.h"
+#include "haptic/contact/problem_check.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "haptic/viscous_patch.h"
+#include "haptic/contact/viscous_patch.h"
 
 #include <algorithm>
 #include <cmath>
