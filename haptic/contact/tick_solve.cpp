@@ -1,0 +1,130 @@
+#include "haptic/contact/tick_solve.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "haptic/contact/problem_check.h"
+#include "physics/contact/suction.h"
+
+namespace hapticd {
+namespace {
+constexpr double most_parts = 12;          // of the way from where a problem was made
+constexpr double shortest_part = 0.25e-3;  // of a tick [s]
+constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
+constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
+
+// Where those of X were before; who was not there, where it is.
+InstrumentPoses on_the_way_from(const InstrumentPoses& before, const InstrumentPoses& X) noexcept {
+  InstrumentPoses from = X;
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i] && before.present[i]) from[i] = before[i];
+  return from;
+}
+
+bool all_known(const InstrumentPoses& before, const InstrumentPoses& X) noexcept {
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i] && !before.present[i]) return false;
+  return true;
+}
+
+// A poisoned problem would be no contact, or any force. Looked at whole when it is new.
+bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept {
+  if (problem.step != s.sound_step) {
+    if (!is_sound(problem)) return false;
+    s.sound_step = problem.step;
+  }
+  for (int n = 0; n < problem.nodes; ++n)
+    if (!problem.x_free[static_cast<std::size_t>(n)].allFinite()) return false;
+  return true;
+}
+
+// What the pumps draw with, in the tick's problem, by where the last solve left patch and tips.
+void draw(Instruments instruments, const InstrumentPoses& X, double period, HapticState& s) noexcept {
+  const InstrumentPoses next = start_coupling(s.patch.problem, X, period, s.contact.coupling_offset).X_start;
+  InstrumentPoses from = next;
+  for (int i = 0; i < instruments.count(); ++i)
+    if (s.placed.present[i]) from[i] = s.placed[i];
+  std::copy_n(s.patch.before.begin(), s.patch.problem.nodes, s.patch.problem.x_now.begin());
+  EachInstrument<double> vacuum;
+  for (int i = 0; i < instruments.count(); ++i) vacuum[i] = s.device[i].vacuum;
+  const EachInstrument<double> occlusion =
+      apply_suction(instruments, from, next, s.patch.before, vacuum, s.patch.problem);
+  for (int i = 0; i < instruments.count(); ++i) s.device[i].occlusion = occlusion[i];
+}
+
+// The last problem pressed on for the first `part` of this tick, as far as the instruments then were on their
+// way to X. False where nothing is remembered.
+bool solve_until_publication(double part, double period, const InstrumentPoses& X, Instruments instruments,
+                             ContactOptions contact, HapticState& s) noexcept {
+  const CondensedProblem* before = at_part_of_tick(part, s.patch);
+  if (!before) return false;
+  if (contact.deadline.bounded())
+    contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 2);
+  const InstrumentPoses from = on_the_way_from(s.X, X),
+                        there = displaced(from, difference(X, from), part / period);
+  if (any_port(instruments)) draw(instruments, there, part, s);
+  const ContactSolution solution =
+      solve_contact(*before, instruments, there, part, contact, s.contact, s.scratch);
+  if (solution.status == SolveStatus::solved || solution.residual <= contact.usable_residual)
+    remember(s.scratch.x, s.patch);
+  return true;
+}
+
+}  // namespace
+
+bool is_usable(const ContactSolution& solution, const HapticOptions& options) noexcept {
+  return solution.status == SolveStatus::solved || solution.residual <= options.usable_residual;
+}
+
+bool solve_tick(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
+                const HapticOptions& options, const HapticInput& input, double period,
+                HapticState& s) noexcept {
+  if (!is_sound_problem(problem, s)) return false;
+  ContactOptions contact = options.contact;
+  contact.deadline = input.deadline;
+  contact.usable_residual = options.usable_residual;
+  // Tissue gives way from the instant in which elements went; until then what was there before is pressed on.
+  double T = period;
+  if (problem.topology_changed && problem.step != s.patch.step) {
+    const double age = 1e-9 * static_cast<double>(input.now_ns - problem.published_ns);
+    const double part = period - std::max(age, shortest_part);
+    if (part >= shortest_part && solve_until_publication(part, period, X, instruments, contact, s)) T -= part;
+  }
+  // Rows for what some ticks like this one can reach; more where that turns out to be too few.
+  if (std::isfinite(options.ticks_ahead) && all_known(s.X, X))
+    contact.activation_distance = std::clamp(options.ticks_ahead * longest(difference(X, s.X)),
+                                             least_of_margin * contact.margin, contact.margin);
+  s.X = X;
+  ViscousOptions viscous = options.viscous;
+  viscous.always = any_port(instruments);
+  const CondensedProblem& now =
+      at_tick(problem, viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
+  if (&now == &s.patch.problem && any_port(instruments)) draw(instruments, X, T, s);
+  // A problem that an instrument has outrun is met where it was made, and on the way from there.
+  if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
+    InstrumentPoses from = X;
+    for (int i = 0; i < max_instruments; ++i)
+      if (X.present[i]) from[i] = problem.instrument[i].X_ref;
+    const EachInstrument<Vec6> way = difference(X, from);
+    const double parts = std::min(longest(way) / contact.margin, most_parts);
+    if (parts > 1) contact.parts = parts;
+    for (int p = 0; parts > 1 && p < parts; ++p)
+      solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
+  }
+  s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
+  s.solved = true;
+  s.placed = is_usable(s.solution, options) ? s.solution.instrument : InstrumentPoses();
+  return s.solution.status != SolveStatus::not_finite;
+}
+
+void forget_contact(HapticState& s) noexcept {
+  s.contact.memory.count = 0;
+  s.contact.memory.outside = {};
+  s.contact.coupling_offset = {};
+  s.contact.frozen_step = 0;
+  s.placed = {};
+  s.patch.step = 0;
+  s.unusable_for = 0;
+}
+
+}  // namespace hapticd

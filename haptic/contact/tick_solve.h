@@ -1,0 +1,23 @@
+// The contact solve of a tick: of the newest problem, at the devices' newest poses.
+//
+// Where elements went since the last tick, the last problem is pressed on until the instant of publication,
+// and the new one from there. A problem that an instrument has outrun is met where it was made, and on the
+// way from there. A problem, its free motion or a solution that is no number is no contact, and is said.
+// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by the contact solve's bound.
+#pragma once
+
+#include "haptic/haptic_step.h"
+
+namespace hapticd {
+
+// period: of the tick. False: the problem, or what came out, is no number.
+bool solve_tick(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
+                const HapticOptions& options, const HapticInput& input, double period,
+                HapticState& state) noexcept;
+
+bool is_usable(const ContactSolution& solution, const HapticOptions& options) noexcept;
+
+// Nothing of what was is known any more.
+void forget_contact(HapticState& state) noexcept;
+
+}  // namespace hapticd
