@@ -66,7 +66,7 @@ enum Status : std::uint32_t {
   status_solver_cap = 1u << 13,        // the contact solve ended at its cap or deadline
   status_blending = 1u << 14,          // ≤ 5 ms after a removal or a stall
   status_contacts_dropped = 1u << 15,  // more contacts than capacity
-  status_contact_lost = 1u << 17,  // a sample is deeper than 0.1 mm in the instrument and no contact holds it
+  status_contact_lost = 1u << 17,  // tissue was or is in the instrument, or past it, and no contact held it
   status_rival = 1u << 16          // somebody else writes this device's forces: to zero, latched
 };
 

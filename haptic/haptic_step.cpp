@@ -85,7 +85,7 @@ Wrench contact_wrench(const CondensedProblem& problem, int i, const EachInstrume
   answer.samples_dropped = static_cast<std::uint32_t>(problem.dropped_samples);
   answer.residual = solution.residual;
   answer.penetration = solution.penetration;
-  if (solution.lost > lost_contact) answer.status |= status_contact_lost;
+  if (solution.lost > lost_contact || s.astray[i]) answer.status |= status_contact_lost;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
   answer.solver_caps = s.caps;
@@ -231,6 +231,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
     // Who was armed in the middle of the tissue presses as soon as a problem reaches there.
     changed = count > 1 && solved_before &&
               (before.present.value != X.present.value || (ramping_up && problem->step != s.step));
+    changed = changed || s.any_astray();
   }
   bool renders = false;
   for (int i = 0; i < count; ++i) {

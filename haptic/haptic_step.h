@@ -11,9 +11,9 @@
 // wait-free, bounded by the contact solve's bound.
 #pragma once
 
+#include "haptic/contact/viscous_patch.h"
 #include "haptic/limits.h"
 #include "haptic/passivity.h"
-#include "haptic/contact/viscous_patch.h"
 #include "haptic/watchdog.h"
 #include "physics/contact/contact_solve.h"
 
@@ -78,9 +78,11 @@ struct HapticState {
   std::uint64_t sound_step = 0;  // newest problem looked at and found sound
   InstrumentPoses X;             // of those in contact, in the last contact solve
   InstrumentPoses placed;        // where the last usable solve put them
+  EachInstrument<bool> astray;   // in this tick the solve began anew (contact/tick_solve.h)
   bool solved = false;           // this tick ran the contact solve …
   ContactSolution solution;      // … and this came out, in the scene
 
+  bool any_astray() const noexcept { return astray.value != EachInstrument<bool>().value; }
   bool in_contact(int i) const noexcept { return solved && X.present[i]; }
 };
 

@@ -21,7 +21,8 @@ void HapticTick::take_over(const HapticTick& from) noexcept {
   state_->caps = from.state_->caps;
   state_->tick = from.state_->tick;
   ramp_ = from.ramp_;
-  for (int i = 0; i < device_count(); ++i) apply(tuning_of(from.device(i)), devices_[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < device_count(); ++i)
+    apply(tuning_of(from.device(i)), devices_[static_cast<std::size_t>(i)]);
 }
 
 EachInstrument<ForceSample> HapticTick::run(const HapticInput& input, bool withheld) noexcept {

@@ -35,8 +35,8 @@ class HapticTick {
   // problems are lost.
   EachInstrument<ForceSample> run(const HapticInput& input, bool withheld = false) noexcept;
 
-  // Before the first run: clients, arming, counts, limits, scales and the force to go on from are those of a tick
-  // that ends here and was withheld. Pre: as many devices, in the same order.
+  // Before the first run: clients, arming, counts, limits, scales and the force to go on from are those of a
+  // tick that ends here and was withheld. Pre: as many devices, in the same order.
   void take_over(const HapticTick& from) noexcept;
 
   // After the tick at `now_ns`: what the simulation is told. Of several instruments one whose device renders

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "haptic/contact/problem_check.h"
+#include "haptic/contact/sides.h"
 #include "physics/contact/suction.h"
 
 namespace hapticd {
@@ -70,6 +71,50 @@ bool solve_until_publication(double part, double period, const InstrumentPoses& 
   return true;
 }
 
+// Where the problem was made.
+InstrumentPoses made_at(const CondensedProblem& problem, const InstrumentPoses& X) noexcept {
+  InstrumentPoses there = X;
+  for (int i = 0; i < max_instruments; ++i)
+    if (X.present[i]) there[i] = problem.instrument[i].X_ref;
+  return there;
+}
+
+// About which instruments this loop has tissue on another side than a new problem has it.
+EachInstrument<bool> astray(const CondensedProblem& published, const CondensedProblem& now,
+                            Instruments instruments, const InstrumentPoses& X,
+                            const HapticState& s) noexcept {
+  if (published.renewal == Renewal::frozen || published.step == s.step) return {};
+  PatchPositions x;
+  displaced_patch(now, s.contact.memory, x);
+  return on_other_side(published, instruments, made_at(published, X), published.x_now, s.placed, x);
+}
+
+// All meet the patch as it was published, those from where the problem was made: with forces remembered of
+// any, the patch would not begin there. It is at rest where that ends, for the way is nobody's speed.
+void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& problem, Instruments instruments,
+                const InstrumentPoses& X, double tick, const ViscousOptions& viscous, ContactOptions contact,
+                HapticState& s) noexcept {
+  s.contact.memory.count = 0;
+  s.contact.coupling_offset = {};
+  s.patch.step = 0;
+  const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
+  InstrumentPoses from = X;
+  const InstrumentPoses made = made_at(problem, X);
+  for (int i = 0; i < max_instruments; ++i)
+    if (astray[i]) from[i] = made[i];
+  const EachInstrument<Vec6> way = difference(X, from);
+  const double margin = contact.margin > 0 ? contact.margin : problem.alarm_distance;
+  const double parts = std::clamp(std::ceil(longest(way) / margin), 1.0, most_parts);
+  contact.parts = parts;
+  if (contact.deadline.bounded())
+    contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 3);
+  for (int p = 0; p <= parts; ++p)
+    s.solution =
+        solve_contact(now, instruments, displaced(from, way, p / parts), tick, contact, s.contact, s.scratch);
+  if (s.solution.status == SolveStatus::solved || s.solution.residual <= contact.usable_residual)
+    remember(s.scratch.x, s.patch);
+}
+
 }  // namespace
 
 bool is_usable(const ContactSolution& solution, const HapticOptions& options) noexcept {
@@ -97,14 +142,14 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   s.X = X;
   ViscousOptions viscous = options.viscous;
   viscous.always = any_port(instruments);
-  const CondensedProblem& now =
-      at_tick(problem, viscous, T < period ? T : std::max(T, shortest_tick), s.patch);
+  const double tick = T < period ? T : std::max(T, shortest_tick);
+  s.astray = astray(problem, at_tick(problem, viscous, tick, s.patch), instruments, X, s);
+  if (s.any_astray()) begin_anew(s.astray, problem, instruments, X, tick, viscous, contact, s);
+  const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
   if (&now == &s.patch.problem && any_port(instruments)) draw(instruments, X, T, s);
   // A problem that an instrument has outrun is met where it was made, and on the way from there.
   if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
-    InstrumentPoses from = X;
-    for (int i = 0; i < max_instruments; ++i)
-      if (X.present[i]) from[i] = problem.instrument[i].X_ref;
+    const InstrumentPoses from = made_at(problem, X);
     const EachInstrument<Vec6> way = difference(X, from);
     const double parts = std::min(longest(way) / contact.margin, most_parts);
     if (parts > 1) contact.parts = parts;

@@ -1,0 +1,46 @@
+#include "haptic/contact/sides.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "physics/contact/missed_contact.h"
+#include "physics/contact/placed_instrument.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double apart = 0.25;  // of the places that are looked at on the way [alarm distances]
+constexpr int most_places = 8;
+
+// A way shorter than twice as deep cannot.
+bool leads_through(const PlacedInstrument& placed, const Vec3& from, const Vec3& to, double reach) noexcept {
+  const double deep = shallow * reach, length = (to - from).norm();
+  if (length < 2 * deep || !placed.near(from, reach)) return false;
+  const double limit = std::min(0.0, placed.gap(from).distance) - deep;
+  const int places = static_cast<int>(std::min<double>(most_places, std::ceil(length / (apart * reach))));
+  for (int i = 1; i <= places; ++i) {
+    const Vec3 x = from + static_cast<double>(i) / places * (to - from);
+    if (placed.near(x, 0) && placed.gap(x).distance < limit) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+EachInstrument<bool> on_other_side(const CondensedProblem& problem, Instruments instruments,
+                                   const InstrumentPoses& X_a, const PatchPositions& a,
+                                   const InstrumentPoses& X_b, const PatchPositions& b) noexcept {
+  EachInstrument<bool> other;
+  for (int i = 0; i < instruments.count(); ++i) {
+    if (!X_a.present[i] || !X_b.present[i]) continue;
+    const PlacedInstrument placed(instruments[i], X_b[i]);
+    for (int k = 0; k < problem.samples && !other[i]; ++k) {
+      if (problem.sample[k].node[0] < 0) continue;
+      const Vec3 from = X_b[i].to_world(X_a[i].to_local(sample_position(problem, a, k)));
+      other[i] = leads_through(placed, from, sample_position(problem, b, k), problem.alarm_distance);
+    }
+  }
+  return other;
+}
+
+}  // namespace hapticd

@@ -1,0 +1,136 @@
+// Tissue that the two loops have on different sides of an instrument: a rod between two flaps, and a loop
+// that finds back to what the simulation publishes.
+#include "haptic/contact/sides.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "haptic/haptic_step.h"
+#include "tests/support/contact_problems.h"
+
+namespace hapticd {
+namespace {
+
+constexpr double alarm = 0.4e-3, radius = 0.3e-3;  // [m]
+constexpr std::int64_t ms = 1'000'000;
+
+std::unique_ptr<CondensedProblem> one_sample() {
+  auto p = spring_problem(100, Vec3::Zero(), 0);
+  p->alarm_distance = alarm;
+  return p;
+}
+
+PatchPositions all_at(const Vec3& x) {
+  PatchPositions at;
+  at.fill(x);
+  return at;
+}
+
+// On a sphere about the origin, `angle` round it and `above` its surface.
+Vec3 round(double angle, double above) {
+  return (radius + above) * Vec3(std::sin(angle), 0, -std::cos(angle));
+}
+
+bool differ(const Pose& X_a, const Vec3& a, const Pose& X_b, const Vec3& b) {
+  const auto problem = one_sample();
+  const Instrument ball = sphere_instrument(radius);
+  return on_other_side(*problem, ball, X_a, all_at(a), X_b, all_at(b))[0];
+}
+
+// The chord between two points of a sphere, `angle` apart, is r (1 − cos(angle/2)) deep.
+TEST(Sides, AWayThroughIsAnotherSide) {
+  const double deep = alarm / 4, limit = 2 * std::acos(1 - deep / radius);
+  EXPECT_FALSE(differ(Pose(), round(0, 0), Pose(), round(0.9 * limit, 0)));
+  EXPECT_TRUE(differ(Pose(), round(0, 0), Pose(), round(1.2 * limit, 0)));
+  EXPECT_TRUE(differ(Pose(), round(0, 0), Pose(), round(std::numbers::pi, 0.5e-3)));
+  EXPECT_TRUE(differ(Pose(), round(0, 0.1e-3), Pose(), Vec3::Zero())) << "in the middle of it";
+}
+
+TEST(Sides, WhatIsPressedOnIsOnTheSameSide) {
+  Pose moved;
+  moved.p = Vec3(0, 0, -2e-3);
+  EXPECT_FALSE(differ(Pose(), round(0, 0), moved, moved.p + round(0, 0)));
+  EXPECT_TRUE(differ(Pose(), round(0, 0), moved, round(0, 0))) << "went through it";
+}
+
+TEST(Sides, WhoIsNotThereIsOnNone) {
+  const auto problem = one_sample();
+  const Instrument ball = sphere_instrument(radius);
+  EXPECT_FALSE(on_other_side(*problem, ball, InstrumentPoses(), all_at(round(0, 0)), Pose(),
+                             all_at(round(std::numbers::pi, 0)))[0]);
+}
+
+// A ball of 1 mm on a sheet 0.3 mm deep; in `beyond` the sheet is where the ball has it above itself.
+struct Loop {
+  std::unique_ptr<CondensedProblem> pressed, beyond;
+  Instrument ball = sphere_instrument(1e-3);
+  DeviceSettings device;
+  HapticOptions options;
+  HapticInput in;
+  std::unique_ptr<HapticState> state = std::make_unique<HapticState>();
+
+  Loop() {
+    Random random(3);
+    SheetSettings sheet;
+    sheet.friction = 0.1;
+    pressed = sheet_problem(random, sheet);
+    pressed->step = 2;
+    pressed->alarm_distance = alarm;
+    pressed->instrument[0].coupling = {.stiffness = 200, .rotational_stiffness = 0.1, .damping_time = 2e-3};
+    pressed->instrument[0].X_ref.p = Vec3(0, 0, 0.7e-3);
+    beyond = std::make_unique<CondensedProblem>(*pressed);
+    beyond->step = 1;
+    for (int n = 0; n < beyond->nodes; ++n) {
+      beyond->x_free[n].z() += 3e-3;
+      beyond->x_now[n].z() += 3e-3;
+    }
+    device.max_force = 10;
+    device.max_force_rate = 1e6;
+    device.max_speed = 10;
+    options.contact.margin = alarm;
+    options.viscous.step = 20e-3;
+    options.viscous.relaxation[0] = 2e-3;
+    in.now_ns = 1000 * ms;
+    in.device[0].presence = {.connected = true, .new_client = true};
+    in.device[0].sample.enable = true;
+    in.device[0].sample.pose.p = Vec3(0, 0, 0.7e-3);
+  }
+
+  ForceSample tick(CondensedProblem& problem) {
+    in.now_ns += ms;
+    in.device[0].taken = true;
+    ++in.device[0].sample.sequence;
+    in.device[0].sample.received_ns = in.now_ns;
+    problem.published_ns = in.now_ns;
+    const ForceSample f = haptic_step(&problem, ball, std::span(&device, 1), options, in, *state)[0];
+    in.device[0].presence.new_client = false;
+    return f;
+  }
+
+  ForceSample ticks(CondensedProblem& problem, int n) {
+    ForceSample f;
+    for (int i = 0; i < n; ++i) f = tick(problem);
+    return f;
+  }
+};
+
+// One that had the sheet above its ball answers as one that began with the published problem.
+TEST(Sides, TheSimulationHasTheWord) {
+  Loop began, strayed;
+  const double right = began.ticks(*began.pressed, 200).force.z();
+  ASSERT_GT(right, 1e-3);
+  ASSERT_EQ(strayed.ticks(*strayed.beyond, 200).force.norm(), 0);
+  const ForceSample first = strayed.tick(*strayed.pressed);
+  EXPECT_TRUE(first.status & status_contact_lost);
+  EXPECT_TRUE(first.status & status_blending);
+  EXPECT_LT(first.force.norm(), 0.3 * right);
+  const ForceSample then = strayed.tick(*strayed.pressed);
+  EXPECT_FALSE(then.status & status_contact_lost);
+  EXPECT_NEAR(strayed.ticks(*strayed.pressed, 100).force.z(), right, 1e-3 * right);
+}
+
+}  // namespace
+}  // namespace hapticd
