@@ -7,8 +7,9 @@
 //
 // Linearisations: only about a solution. About what solves nothing the rows would be of any place, and a
 // solve of those rows no solution here, whatever its residual. So the first takes the time that it needs, a
-// later one that ends unusable is left out, and the status says so. A resumed solve that is usable, but not
-// solved, has no later one: that would end the same way.
+// later one that ends doubtful is left out, and the status says so: kept, it would have the next solves
+// resumed, which take twice as long. A resumed solve that is usable, but not solved, has no later one: that
+// would end the same way.
 #include "physics/contact/contact_solve.h"
 
 #include <algorithm>
@@ -197,6 +198,9 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   const auto usable = [&] {
     return out.status == SolveStatus::solved || out.residual <= options.usable_residual;
   };
+  const auto trusted = [&] {
+    return out.status == SolveStatus::solved || out.residual <= doubtful * options.usable_residual;
+  };
   for (int k = 0; k < linearisations; ++k) {
     if (k > 0 && options.deadline.passed()) {
       out.status = SolveStatus::deadline;
@@ -216,8 +220,8 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
       build(&end);
       if (!solve()) return;
     }
-    if (!usable()) {
-      if (k == 0) break;
+    if (k == 0 && !usable()) break;
+    if (k > 0 && !trusted()) {
       // It is left out.
       const SolveStatus status = out.status;
       out = before;
