@@ -34,6 +34,17 @@ struct Port {
   Vec3 direction = -Vec3::UnitZ();   // unit, out of it
   double radius = 0, reach = 0;      // [m]
   double vacuum = 0, rise_time = 0;  // the pump's largest [Pa], its time constant [s]
+  double flow = 0;   // … what it moves through the open port [m³/s]; 0: no flow is modelled
+  double lumen = 0;  // inner radius of the bore behind it [m]; 0: not known
+};
+
+// A compliant ring that the instrument's axis passes through (incision_rows.h). A stiffness of zero: none.
+struct Incision {
+  Vec3 at = Vec3::Zero();     // its middle, scene [m]
+  Vec3 axis = Vec3::UnitZ();  // unit, out of the body
+  double slack = 0;           // radial play of the instrument's axis [m]
+  double stiffness = 0;       // beyond it [N/m]
+  double friction = 0;        // Coulomb μ, along the shaft and about it
 };
 
 struct Instrument {
@@ -41,6 +52,7 @@ struct Instrument {
   int tip = 0;  // the primitive that destroys tissue, index into `primitives`
   Blade blade;
   Port port;
+  Incision incision;
 };
 
 struct Gap {

@@ -37,18 +37,19 @@ struct ContactRow {
   int primitive;       // … and this of it
   int other = -1;      // the instrument that is touched; −1: tissue
   int edge = -1;       // index into the problem's edge samples; −1: not a blade's edge
-  std::uint64_t id;    // the sample's id, or one of two primitives (instrument_pairs.h)
-  Mat3 frame;          // columns n, t1, t2 (world)
-  Vec3 arm;            // s − p_instrument [m]
-  Vec3 other_arm;      // … of the other
-  Vec3 anchor;         // instrument's frame: slip is measured from here [m]
-  Vec3 other_anchor;   // … to here, in the other's
-  Vec3 delta_free;     // [m]: normal, then two tangential (0 where frictionless)
-  double gap;          // true signed distance at the linearisation [m]
-  double friction;     // μ
+  bool incision = false;    // it is the instrument's own ring (incision_rows.h): no sample, no other
+  std::uint64_t id;         // the sample's id, or one of two primitives (instrument_pairs.h)
+  Mat3 frame;               // columns n, t1, t2 (world)
+  Vec3 arm;                 // s − p_instrument [m]
+  Vec3 other_arm;           // … of the other
+  Vec3 anchor;              // instrument's frame: slip is measured from here [m]
+  Vec3 other_anchor;        // … to here, in the other's
+  Vec3 delta_free;          // [m]: normal, then two tangential (0 where frictionless)
+  double gap;               // true signed distance at the linearisation [m]
+  double friction;          // μ
   double limit = no_limit;  // of λ_n; finite at edges alone [N]
-  double advance = 0;       // of an edge: the total it counts from [m]
-  double compliance = 0;    // of the row itself, in W_nn; of a viscous edge [m/N]
+  double advance = 0;       // of an edge: the total it counts from; of an incision: its play [m]
+  double compliance = 0;    // of the row itself, in W_nn of a viscous edge, in W_ii of an incision [m/N]
 };
 
 // Rows per contact: 1 (frictionless: row i is contact i) or 3 (rows 3i, 3i+1, 3i+2).
@@ -78,7 +79,7 @@ struct ContactMemory {
     int primitive = 0;
     int instrument = 0;
     Vec3 other_anchor = Vec3::Zero();  // frame of the instrument that is touched [m]
-    double advance = 0;                // of an edge, in all [m]
+    double advance = 0;                // of an edge, in all; of an incision, its play [m]
   };
   int count = 0;
   std::array<Entry, max_contacts> entry;  // sorted by id, then instrument, then primitive

@@ -81,6 +81,8 @@ double pumped(const Port& port, double vacuum, double occlusion, bool on, double
   const double target = on ? port.vacuum * occlusion : 0;
   if (port.rise_time <= 0) return target;
   const double step = period / port.rise_time;
+  if (on && port.flow > 0)
+    return std::min(port.vacuum, (vacuum + step * target) / (1 + step * (1 - occlusion)));
   return (vacuum + step * target) / (1 + step);
 }
 

@@ -9,7 +9,9 @@
 // λ_n ≥ 0 on top of it, which is λ_n − p A ≥ −p A of what the tip and tissue exchange, and friction is that
 // of λ. Samples of fixed obstacles have no area here: they neither cover a port nor pull.
 //
-// Pump: τ ṗ = p_max o − p while it is on, τ ṗ = −p while off (implicit Euler).
+// Pump (implicit Euler): τ ṗ = p_max o − p while it is on, τ ṗ = −p while off. One with a flow Q is
+// peristaltic: C ṗ = Q o − (1 − o) p C/τ, C = Q τ/p_max the compliance of its tubing, 0 ≤ p ≤ p_max: it rises
+// evenly within τ where the port is covered, and vents as far as it is open.
 // Units: m, N, Pa. Guarantee: wait-free, no allocation, bounded by max_patch_samples. Departure from DESIGN
 // §13: a load in place of a shift of λ, which tissue that is no row yet feels as well.
 #pragma once

@@ -8,6 +8,7 @@
 #include "physics/compliance/compliance.h"
 #include "physics/contact/contact_solve.h"
 #include "physics/simulation/body_contact/body_contact.h"
+#include "physics/simulation/step/removal.h"
 
 namespace hapticd {
 
@@ -35,6 +36,8 @@ struct StepReport {
   int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
   ContactSolution contact;
   EachInstrument<double> occlusion;  // of the ports, as the contact solve had them (suction.h)
+  EachInstrument<double> flow;       // of fluid into them [m³/s] (inflow.h)
+  EachInstrument<LumenState> lumen;  // what is in their bores, and what is too wide for them
   // |f(this step's problem) − f(the one published last)|, both solved at this step's pose [N]: what handing
   // one over for the other does to the force. Of methods that keep reference factors, in steps with a new
   // reference factor or a removal.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "physics/contact/suction.h"
+#include "physics/simulation/aspiration/inflow.h"
 
 namespace hapticd {
 namespace {
@@ -89,6 +90,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
 
   remove_suction(problem);  // the haptic loop has its own, in each of its ticks
   thin(samples);
+  flow(samples, report);
 
   // What will be cut next is not foreseen, and a cut starts the step afresh.
   const bool ahead = prediction_.active() && !report.split;
@@ -135,7 +137,21 @@ void World::remove(const InstrumentSamples& samples, StepReport& report) {
   cutting_.follow(bodies_, removed.bodies);
   report.removed = removed.tets;
   report.fragments_aspirated = removed.fragments_aspirated;
+  report.lumen = removed.lumen;
+  passed_ = removed.passed;
   removing_ = removed.tets > 0;
+}
+
+// Fluid goes into the ports as far as tissue leaves them open, and what was sucked in takes its place.
+void World::flow(const InstrumentSamples& samples, StepReport& report) {
+  bool pumps = false;
+  for (std::size_t k = 0; k < instruments_.size(); ++k) {
+    const int i = static_cast<int>(k);
+    const double through = flow_into(instruments_[k].port, samples[i], report.occlusion[i]);
+    report.flow[i] = std::max(0.0, through - passed_[i] / settings_.h);
+    pumps = pumps || instruments_[k].port.flow > 0;
+  }
+  if (pumps) carry_along(bodies_, instruments_, poses_of(samples), report.flow, settings_.h);
 }
 
 // By as much as is gone in the middle of the use of the problem that this step ends with.
@@ -227,7 +243,8 @@ void World::report_compliance(StepReport& report) {
 void World::put_to_sleep() {
   std::vector<std::uint8_t> still(bodies_.size(), 1);
   for (std::size_t b = 0; b < bodies_.size(); ++b)
-    if (bodies_[b].deformable) still[b] = at_rest(bodies_[b]) && !is_near(near_, static_cast<int>(b));
+    if (bodies_[b].deformable)
+      still[b] = at_rest(bodies_[b]) && bodies_[b].state.load.empty() && !is_near(near_, static_cast<int>(b));
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     if (!bodies_[b].deformable) continue;
     bodies_[b].asleep = still[b];

@@ -94,6 +94,7 @@ class World {
   InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
   void remove(const InstrumentSamples& samples, StepReport& report);
   void thin(const InstrumentSamples& samples);
+  void flow(const InstrumentSamples& samples, StepReport& report);
   void wake_near(const InstrumentSamples& samples);
   bool cut(StepReport& report);
   void surfaces_changed(std::span<const int> bodies);
@@ -124,7 +125,8 @@ class World {
   Refresh refresh_;
   PublishedProblem published_;
   StepContext context_;
-  bool removing_ = false;  // this step, or the last, removed something
+  bool removing_ = false;          // this step, or the last, removed something
+  EachInstrument<double> passed_;  // through their lumens in this step [m³]
   std::uint64_t steps_ = 0;
 };
 

@@ -152,6 +152,8 @@ void external_forces(const TissueModel& model, const TissueState& state, Eigen::
     else
       f.segment<3>(3 * n) = state.mass[n] * model.gravity;
   }
+  for (std::size_t n = 0; n < state.load.size(); ++n)
+    if (!model.fixed[n]) f.segment<3>(3 * static_cast<Eigen::Index>(n)) += state.load[n];
 }
 
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept {

@@ -92,6 +92,7 @@ struct TissueState {
   std::vector<std::uint8_t> alive;     // per tetrahedron
   std::vector<double> left;            // per tetrahedron: share of its tissue that the tip has left, above 0
   std::vector<double> mass;            // lumped, summed afresh from live tetrahedra [kg]
+  std::vector<Vec3> load;              // per node, beside weight [N]; empty: none
   std::vector<int> live_tets_of_node;  // 0: orphan
   int removed = 0;                     // tetrahedra removed so far
   int thinnings = 0;                   // times that some became less
@@ -112,7 +113,7 @@ void update_rotations(const TissueModel& model, TissueState& state) noexcept;
 void update_rotations(const TissueModel& model, TissueState& state, std::vector<Mat3>& before, double turn,
                       std::vector<int>& far);
 
-// f_int(x) at the state's positions and rotations, and f_ext = gravity · mass, 3·nodes entries [N].
+// f_int(x) at the state's positions and rotations, and f_ext = gravity · mass + load, 3·nodes entries [N].
 // Entries of fixed and orphan nodes are zero.
 void internal_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;
 void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept;

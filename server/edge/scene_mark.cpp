@@ -31,7 +31,7 @@ class Mark {
   void put(const Port& p) {
     put(p.position);
     put(p.direction);
-    for (const double x : {p.radius, p.reach, p.vacuum, p.rise_time}) put(x);
+    for (const double x : {p.radius, p.reach, p.vacuum, p.rise_time, p.flow, p.lumen}) put(x);
   }
   std::uint64_t value() const { return value_; }
 

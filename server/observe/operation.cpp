@@ -10,6 +10,8 @@
 namespace hapticd {
 namespace {
 
+constexpr double covered_share = 0.8;  // of a port: tissue occludes it
+
 double largest_strain(const Body& body) {
   double largest = 0;
   for (int t = 0; t < body.model.tets_in_use; ++t)
@@ -105,6 +107,9 @@ void Operation::follow_hands(const StepReport& report, const InstrumentSamples& 
     tip_before_[i] = tip;
     seen_[i] = sample.present;
     hand.vacuum = sample.vacuum;
+    hand.flow = report.flow[static_cast<int>(i)];
+    hand.fluid += period_ * hand.flow;
+    if (sample.aspiration && report.occlusion[static_cast<int>(i)] >= covered_share) hand.occluded += period_;
     if (!sample.present) continue;
     const double force = report.contact.wrench[static_cast<int>(i)].head<3>().norm();
     hand.touching += force > 0 ? period_ : 0;
@@ -146,7 +151,10 @@ nlohmann::ordered_json to_json(const OperationMeasures& measures) {
                              {"emulsifying_s", hand.emulsifying},
                              {"aspirating_s", hand.aspirating},
                              {"sim_force_most_n", hand.force_most},
-                             {"vacuum_pa", hand.vacuum}});
+                             {"vacuum_pa", hand.vacuum},
+                             {"flow_ml_per_min", 6e7 * hand.flow},
+                             {"fluid_ml", 1e6 * hand.fluid},
+                             {"occluded_s", hand.occluded}});
   for (const BodyMeasures& body : measures.bodies) {
     nlohmann::ordered_json of{
         {"name", body.name}, {"touched_s", body.touched}, {"touch_most_n", body.touch_most}};

@@ -1,7 +1,8 @@
 // What a trainer asks of an operation: how long, how far, how much went, and what was touched how hard.
 //
 //   hands[]   path of the tip [m], times touching, emulsifying, aspirating [s], largest force [N],
-//             vacuum of its port now [Pa]
+//             vacuum of its port now [Pa], flow of fluid into it now [m³/s] and so far [m³], time that it
+//             was covered to four fifths with the pedal down [s]
 //   bodies[]  share of its volume that is gone, pieces it has come to and most of them, smaller crumbs,
 //             how many of all are loose, largest strain, time touched [s], largest force of a touch [N]
 //   events[]  operation_events.h
@@ -26,6 +27,7 @@ inline constexpr double crumb_share = 0.01;  // of a body's first volume: what i
 
 struct HandMeasures {
   double path = 0, touching = 0, emulsifying = 0, aspirating = 0, force_most = 0, vacuum = 0;
+  double flow = 0, fluid = 0, occluded = 0;
 };
 
 struct BodyMeasures {

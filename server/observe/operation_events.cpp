@@ -14,7 +14,7 @@ constexpr double covered = 0.8, open = 0.2;  // of the largest vacuum
 
 }  // namespace
 
-OperationEvents::OperationEvents(const World& world) : occluded_(world.instruments().size(), 0) {
+OperationEvents::OperationEvents(const World& world) : bores_(world.instruments().size()) {
   for (const Body& body : world.bodies()) bodies_.push_back({.topology = body.topology});
 }
 
@@ -31,14 +31,26 @@ void OperationEvents::follow(double time, const World& world, const StepReport& 
   for (std::size_t b = 0; b < bodies_.size(); ++b)
     follow_body(time, world.bodies()[b], bodies[b], touch[b], bodies_[b]);
   if (report.fragments_aspirated > 0) add(time, "aspirated", "", report.fragments_aspirated);
-  for (std::size_t i = 0; i < occluded_.size(); ++i) {
-    const InstrumentSample& sample = samples[static_cast<int>(i)];
-    const double most = world.instruments()[i].port.vacuum;
-    if (most > 0 && sample.vacuum > (occluded_[i] ? open : covered) * most) {
-      if (!std::exchange(occluded_[i], char{1})) add(time, "occluded", std::to_string(i), sample.vacuum);
-    } else if (std::exchange(occluded_[i], char{0})) {
-      add(time, "vented", std::to_string(i), sample.vacuum);
-    }
+  for (std::size_t i = 0; i < bores_.size(); ++i)
+    follow_bore(time, i, world.instruments()[i].port, report, samples[static_cast<int>(i)], bores_[i]);
+}
+
+void OperationEvents::follow_bore(double time, std::size_t hand, const Port& port, const StepReport& report,
+                                  const InstrumentSample& sample, Bore& bore) {
+  const LumenState& lumen = report.lumen[static_cast<int>(hand)];
+  if (lumen.passing > 0) {
+    if (bore.steps++ == 0) bore.entered = time;
+  } else if (std::exchange(bore.steps, 0) > 1) {
+    add(time, "passed", std::to_string(hand), time - bore.entered);
+  }
+  if (lumen.too_wide > 0) {
+    if (time - bore.too_wide > apart) add(time, "too_wide", std::to_string(hand), lumen.too_wide);
+    bore.too_wide = time;
+  }
+  if (port.vacuum > 0 && sample.vacuum > (bore.occluded ? open : covered) * port.vacuum) {
+    if (!std::exchange(bore.occluded, true)) add(time, "occluded", std::to_string(hand), sample.vacuum);
+  } else if (std::exchange(bore.occluded, false)) {
+    add(time, "vented", std::to_string(hand), sample.vacuum);
   }
 }
 

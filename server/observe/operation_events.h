@@ -5,6 +5,9 @@
 //   pieces     a body has come to more pieces than ever; value: how many
 //   gone       a quarter, half, three quarters, nine tenths of a body are gone; value: the share
 //   aspirated  fragments were sucked out; value: how many, in this step
+//   too_wide   what is before a port does not pass its lumen, after half a second without; value: the radius
+//              that it would need, at least [m]
+//   passed     what was sucked in is through the lumen, where that took more than a step; value: [s]
 //   occluded   a pump draws four fifths of its largest vacuum: tissue covers the port; value: [Pa]
 //   vented     … it has fallen to a fifth; value: [Pa]
 //   touched    a body that the tip may not destroy is touched, after half a second without; value: [N]
@@ -52,7 +55,15 @@ class OperationEvents {
   void follow_body(double time, const Body& body, const BodyMeasures& now, double touch, Seen& seen);
 
   std::vector<Seen> bodies_;
-  std::vector<char> occluded_;  // per hand
+  struct Bore {  // of a hand's port
+    bool occluded = false;
+    double too_wide = -1e9, entered = 0;  // when last [s]
+    int steps = 0;                        // that something has been on its way through
+  };
+  void follow_bore(double time, std::size_t hand, const Port& port, const StepReport& report,
+                   const InstrumentSample& sample, Bore& bore);
+
+  std::vector<Bore> bores_;
   std::vector<OperationEvent> events_;
   std::int64_t left_out_ = 0;
 };

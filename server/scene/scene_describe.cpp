@@ -89,6 +89,13 @@ void describe_primitive(std::string& out, const Primitive& p, bool tip) {
          1e3 * p.radius, 2e3 * p.half_length, tip ? " (tip)" : "");
 }
 
+std::string largest_aspirated(const SceneInstrument& held) {
+  if (held.shape.port.lumen <= 0) return std::to_string(held.removal.aspiration_max_tets);
+  char text[64];
+  std::snprintf(text, sizeof text, "a lumen of radius %.2f mm", 1e3 * held.shape.port.lumen);
+  return text;
+}
+
 void describe_instrument(std::string& out, const SceneInstrument& held, const Scene& scene) {
   const bool named = scene.instruments.size() > 1;
   const std::vector<Primitive>& primitives = held.shape.primitives;
@@ -104,15 +111,18 @@ void describe_instrument(std::string& out, const SceneInstrument& held, const Sc
     line(out, "port       radius %.2f mm, vacuum to %.3g kPa with %.2g s: at most %.3g mN", 1e3 * port.radius,
          1e-3 * port.vacuum, port.rise_time,
          1e3 * port.vacuum * std::numbers::pi * port.radius * port.radius);
+  if (const Port& port = held.shape.port; port.flow > 0)
+    line(out, "pump       %.3g ml/min, tubing %.3g mm3/kPa", 6e7 * port.flow,
+         1e12 * port.flow * port.rise_time / port.vacuum);
   line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", held.coupling.stiffness,
        held.coupling.rotational_stiffness, 1e3 * held.coupling.damping_time);
   const RemovalSettings& removal = held.removal;
   if (removal.rate > 0)
     line(out,
-         "removal    %.4g tetrahedra/s, %s, stroke %.2f mm; fragments of up to %d within %.2f mm are "
+         "removal    %.4g tetrahedra/s, %s, stroke %.2f mm; fragments of up to %s within %.2f mm are "
          "aspirated",
          removal.rate, removal.gradual ? "by degrees" : "each at once", 1e3 * removal.stroke,
-         removal.aspiration_max_tets, 1e3 * removal.aspiration_reach);
+         largest_aspirated(held).c_str(), 1e3 * removal.aspiration_reach);
   const DeviceSettings& d = held.device;
   line(out, "device     %s%s: %.3g N, %.3g N m, %.4g N/s, %.3g m/s, workspace radius %.0f mm, %.4g N/m",
        held.device_name.c_str(), named ? (", id " + std::to_string(d.id)).c_str() : "", d.max_force,

@@ -24,6 +24,7 @@ constexpr NumberRange port_length{0, 0.1, true, false, "metres"};
 constexpr NumberRange vacuum{0, 101325, false, false,
                              "pascals below the surroundings; a phaco machine's reach 80 kPa"};
 constexpr NumberRange rise_time{0, 60, false, false, "seconds; the pump's time constant"};
+constexpr NumberRange flow{0, 1e-4, false, false, "cubic metres per second; 30 ml/min are 5e-7"};
 constexpr NumberRange position_scale{1e-3, 1e2, false, false,
                                      "scene metres per device metre; 0.1 for a small scene"};
 constexpr NumberRange force_scale{0, 1e6, true, false, "device newtons per scene newton"};
@@ -42,8 +43,23 @@ Blade read_blade(const YamlMap& yaml) {
   }
 }
 
+// The pump's keys stand in a map of their own, or, without a flow, among the port's.
+void read_pump(const YamlMap& yaml, Port& port) {
+  if (yaml.has("pump"))
+    for (const char* key : {"vacuum", "rise_time"})
+      if (yaml.has(key)) throw yaml.error(key, "stands in pump already");
+  const YamlMap pump = yaml.has("pump") ? yaml.map("pump") : yaml;
+  if (yaml.has("pump")) pump.only({"vacuum", "rise_time", "flow"});
+  port.vacuum = pump.number("vacuum", vacuum);
+  port.rise_time = pump.number("rise_time", rise_time);
+  if (!yaml.has("pump")) return;
+  port.flow = pump.number("flow", flow, 0);
+  if (port.flow > 0 && !(port.rise_time > 0))
+    throw pump.error("rise_time", "is zero: a pump with a flow needs the time in which its vacuum builds");
+}
+
 Port read_port(const YamlMap& yaml) {
-  yaml.only({"position", "direction", "radius", "reach", "vacuum", "rise_time"});
+  yaml.only({"position", "direction", "radius", "reach", "vacuum", "rise_time", "pump", "lumen"});
   Port port;
   port.position = yaml.vec3("position", Vec3::Zero());
   const Vec3 direction = yaml.vec3("direction", -Vec3::UnitZ());
@@ -51,8 +67,8 @@ Port read_port(const YamlMap& yaml) {
   port.direction = direction.normalized();
   port.radius = yaml.number("radius", port_length);
   port.reach = yaml.number("reach", port_length);
-  port.vacuum = yaml.number("vacuum", vacuum);
-  port.rise_time = yaml.number("rise_time", rise_time);
+  read_pump(yaml, port);
+  if (yaml.has("lumen")) port.lumen = yaml.number("lumen", port_length);
   return port;
 }
 
@@ -65,7 +81,7 @@ VirtualCoupling read_coupling(const YamlMap& yaml) {
   return coupling;
 }
 
-RemovalSettings read_removal(const YamlMap& yaml) {
+RemovalSettings read_removal(const YamlMap& yaml, const Port& port) {
   yaml.only({"rate", "law", "stroke", "aspiration"});
   RemovalSettings removal;
   removal.gradual = yaml.has("law") && yaml.choice("law", {"instant", "gradual"}) == 1;
@@ -75,7 +91,10 @@ RemovalSettings read_removal(const YamlMap& yaml) {
     const YamlMap aspiration = yaml.map("aspiration");
     aspiration.only({"reach", "max_elements"});
     removal.aspiration_reach = aspiration.number("reach", reach);
-    removal.aspiration_max_tets = aspiration.whole("max_elements", 0, 1'000'000);
+    if (port.lumen <= 0)
+      removal.aspiration_max_tets = aspiration.whole("max_elements", 0, 1'000'000);
+    else if (aspiration.has("max_elements"))
+      throw aspiration.error("max_elements", "stands where no port.lumen says what passes");
   }
   return removal;
 }
@@ -131,7 +150,7 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
   if (own.has("blade") && !tough)
     throw own.error("blade", "no body can be cut (say toughness, in J/m², for one)");
 
-  if (rest.has("removal")) held.removal = read_removal(rest.map("removal"));
+  if (rest.has("removal")) held.removal = read_removal(rest.map("removal"), held.shape.port);
   const bool removable =
       std::any_of(bodies.begin(), bodies.end(), [](const SceneBody& body) { return body.removable; });
   if (held.removal.rate > 0 && !removable)

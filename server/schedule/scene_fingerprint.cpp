@@ -44,7 +44,8 @@ void add(Fingerprint& f, const SceneInstrument& i) {
   const Port& port = i.shape.port;
   f.add(port.position);
   f.add(port.direction);
-  for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time}) f.add(x);
+  for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time, port.flow, port.lumen})
+    f.add(x);
 }
 
 }  // namespace

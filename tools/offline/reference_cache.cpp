@@ -149,7 +149,8 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
       for (const Vec3& v : p.vertices) hash.vector(v);
     }
     const Port& port = held.shape.port;
-    for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time}) hash.number(x);
+    for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time, port.flow, port.lumen})
+      hash.number(x);
     hash.vector(port.position);
     hash.vector(port.direction);
     for (const Vec3& p : held.shape.blade.edge) hash.vector(p);

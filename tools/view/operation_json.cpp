@@ -24,7 +24,10 @@ Json operation_json(const hapticd_msg_SceneOperation& m) {
                           {"emulsifying_s", real(h.emulsifying, 1)},
                           {"aspirating_s", real(h.aspirating, 1)},
                           {"sim_force_most_n", real(h.force_most, 3)},
-                          {"vacuum_pa", real(h.vacuum, 0)}});
+                          {"vacuum_pa", real(h.vacuum, 0)},
+                          {"flow_ml_per_min", real(6e7 * h.flow, 1)},
+                          {"fluid_ml", real(1e6 * h.fluid, 2)},
+                          {"occluded_s", real(h.occluded, 1)}});
   }
   for (std::uint32_t i = 0; i < m.bodies._length; ++i) {
     const hapticd_msg_BodyOperation& b = m.bodies._buffer[i];

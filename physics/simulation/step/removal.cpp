@@ -4,6 +4,7 @@
 
 #include <ccd/ccd.h>
 
+#include "physics/simulation/aspiration/lumen.h"
 #include "physics/tissue/fragments.h"
 
 namespace hapticd {
@@ -116,22 +117,39 @@ std::vector<int> tets_at_tip(const TissueModel& model, const TissueState& state,
   return tets;
 }
 
+bool aspirates(const Instrument& instrument, const RemovalSettings& settings) noexcept {
+  return instrument.port.lumen > 0 ? settings.aspiration_reach > 0 : settings.aspiration_max_tets > 0;
+}
+
 Aspirated fragments_at_tip(const TissueModel& model, const TissueState& state, const Instrument& instrument,
                            const Pose& X, const RemovalSettings& settings) {
   const Primitive& tip = instrument.primitives[instrument.tip];
+  const Port& port = instrument.port;
   const auto reached = [&](int node) {
-    const Vec3 local = tip.placement.to_local(X.to_local(state.x[node]));
-    return gap_at(tip, local).distance < settings.aspiration_reach;
+    const Vec3 local = X.to_local(state.x[node]);
+    const double distance = port.lumen > 0 ? distance_to_opening(port, local)
+                                           : gap_at(tip, tip.placement.to_local(local)).distance;
+    return distance < settings.aspiration_reach;
   };
   Aspirated out;
   for (const Fragment& fragment : find_fragments(model, state)) {
-    if (fragment.held || static_cast<int>(fragment.tets.size()) > settings.aspiration_max_tets) continue;
+    if (fragment.held ||
+        (port.lumen <= 0 && static_cast<int>(fragment.tets.size()) > settings.aspiration_max_tets))
+      continue;
     const bool near = std::any_of(fragment.tets.begin(), fragment.tets.end(), [&](int e) {
       const Tet& t = model.mesh.tets[e];
       return std::any_of(t.begin(), t.end(), reached);
     });
     if (!near) continue;
+    if (port.lumen > 0) {
+      const double radius = passing_radius(nodes_of(model, state, fragment.tets), port.lumen);
+      if (radius > port.lumen) {
+        out.too_wide = out.too_wide > 0 ? std::min(out.too_wide, radius) : radius;
+        continue;
+      }
+    }
     out.tets.insert(out.tets.end(), fragment.tets.begin(), fragment.tets.end());
+    for (const int t : fragment.tets) out.volume += volume_left(model, state, t);
     ++out.fragments;
   }
   return out;

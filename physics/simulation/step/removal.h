@@ -4,9 +4,11 @@
 // ultrasonic stroke (convex against convex, GJK by libccd on exact support functions), while the
 // pedal is down, at no more than `rate` per second, nearest to the tip first. The stroke matters:
 // contact keeps tissue out of the tip at rest, and it is the vibrating tip that destroys it. A fragment that
-// holds no fixed node and has at most `aspiration_max_tets` is sucked out whole when any of its nodes is
-// within `aspiration_reach` of the tip's surface while aspiration is on. What the tip leaves of a few
-// tetrahedra hanging by an edge or a node goes with what held it (fragments.h), at no cost to the rate.
+// holds no fixed node is sucked out whole when it is near and passes, while aspiration is on: with a lumen,
+// any of its nodes is within `aspiration_reach` of the port's opening and the piece fits the lumen (lumen.h);
+// without, any is so near to the tip's surface and there are at most `aspiration_max_tets`. What the tip
+// leaves of a few tetrahedra hanging by an edge or a node goes with what held it (fragments.h), at no cost to
+// the rate.
 // By degrees: all tetrahedra that the grown tip meets share the rate's volume equally, losing stiffness and
 // mass, and each goes at a tenth of its own, or when it is crushed.
 // Units: m, 1/s. Source: the paper §3 ("consecutively removing tetrahedra intersected by the tip");
@@ -25,7 +27,7 @@ struct RemovalSettings {
   double rate = 0;              // tetrahedra per second while the pedal is down; 0: never
   double stroke = 0;            // reach of the vibrating tip beyond its surface at rest [m]
   double aspiration_reach = 0;  // [m]
-  int aspiration_max_tets = 0;  // a larger fragment does not pass the lumen
+  int aspiration_max_tets = 0;  // a larger fragment does not pass, where no lumen says more
   bool gradual = false;         // tetrahedra go by degrees; false: whole, as in the paper
 };
 
@@ -41,12 +43,23 @@ bool intersects(const std::array<Vec3, 4>& corners, const Primitive& primitive, 
 std::vector<int> tets_at_tip(const TissueModel& model, const TissueState& state, const Instrument& instrument,
                              const Pose& X, double stroke);
 
-// Live tetrahedra of all fragments within the tip's suction, and how many fragments they are.
+// Live tetrahedra of all fragments within the tip's suction that pass, and how many fragments they are.
 struct Aspirated {
   std::vector<int> tets;
   int fragments = 0;
+  double volume = 0;    // of them [m³]
+  double too_wide = 0;  // a lumen that the narrowest near one that does not pass would need, at least [m]
 };
 Aspirated fragments_at_tip(const TissueModel& model, const TissueState& state, const Instrument& instrument,
                            const Pose& X, const RemovalSettings& settings);
+
+// Of an instrument's bore, after a step.
+struct LumenState {
+  double passing = 0;   // of what was sucked in, still on its way through, for volume/flow [m³]
+  double too_wide = 0;  // Aspirated::too_wide
+};
+
+// Whether anything can be sucked out.
+bool aspirates(const Instrument& instrument, const RemovalSettings& settings) noexcept;
 
 }  // namespace hapticd

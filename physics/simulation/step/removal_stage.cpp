@@ -8,6 +8,8 @@
 namespace hapticd {
 namespace {
 
+constexpr double rounding = 1e-9;  // of a volume that is all but through
+
 bool is_crushed(const Body& body, int t) {
   const Corners x = corners_of(body.model.mesh.tets[t], body.state.x);
   return !(deformation_gradient(x, body.model.gradients[t]).determinant() > crushed);
@@ -49,6 +51,13 @@ void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instru
   // What a tip in the open does not spend does not pile up: one element and one step's worth at most.
   const double per_step = settings.rate * h_;
   budget = cutting ? std::min(budget + per_step, 1 + per_step) : 0;
+  const bool drawing = sample.present && sample.aspiration && aspirates(instrument, settings);
+  // What is in the lumen moves as fast as the pump draws, and the next piece waits until it is through.
+  if (drawing) {
+    const double all = passing_[i], left = all - instrument.port.flow * h_;
+    passing_[i] = instrument.port.flow > 0 && left > rounding * all ? left : 0;
+    out.passed[i] = all - passing_[i];
+  }
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     Body& body = bodies[b];
     if (!body.removable) continue;
@@ -60,17 +69,25 @@ void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instru
       gone += take(bodies, static_cast<int>(b), tets);
       gone += take(bodies, static_cast<int>(b), hinged_fragments(body.model, body.state, tets, crumb_tets));
     }
-    if (sample.present && sample.aspiration && settings.aspiration_max_tets > 0 && body.state.removed > 0) {
-      const Aspirated sucked = fragments_at_tip(body.model, body.state, instrument, tip, settings);
-      if (sucked.fragments > 0) {
-        gone += take(bodies, static_cast<int>(b), sucked.tets);
-        out.fragments_aspirated += sucked.fragments;
-      }
-    }
+    if (drawing && (body.state.removed > 0 || body.topology > 0) && passing_[i] <= 0)
+      gone += suck_out(bodies, static_cast<int>(b), i, instrument, tip, out);
     if (gone == 0) continue;
     out.tets += gone;
     out.bodies.push_back(static_cast<int>(b));
   }
+  out.lumen[i].passing = passing_[i];
+}
+
+int RemovalStage::suck_out(Bodies& bodies, int b, int i, const Instrument& instrument, const Pose& tip,
+                           Removed& out) {
+  const Body& body = bodies[b];
+  const Aspirated sucked = fragments_at_tip(body.model, body.state, instrument, tip, settings_[i]);
+  double& too_wide = out.lumen[i].too_wide;
+  if (sucked.too_wide > 0) too_wide = too_wide > 0 ? std::min(too_wide, sucked.too_wide) : sucked.too_wide;
+  if (sucked.fragments == 0) return 0;
+  if (instrument.port.lumen > 0) passing_[i] += sucked.volume;
+  out.fragments_aspirated += sucked.fragments;
+  return take(bodies, b, sucked.tets);
 }
 
 std::vector<int> RemovalStage::thin(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,

@@ -18,7 +18,9 @@ namespace hapticd {
 struct Removed {
   int tets = 0;
   int fragments_aspirated = 0;
-  std::vector<int> bodies;  // that lost some
+  std::vector<int> bodies;           // that lost some
+  EachInstrument<LumenState> lumen;  // as they are then
+  EachInstrument<double> passed;     // volume that left them in this step [m³]
 };
 
 class RemovalStage {
@@ -61,6 +63,7 @@ class RemovalStage {
   void thin_at_tip(Body& body, int b, int i, const Instrument& instrument, const Pose& tip);
   void remove_at_tip(Bodies& bodies, int i, const Instrument& instrument, const InstrumentSample& sample,
                      const Pose& tip, Removed& out);
+  int suck_out(Bodies& bodies, int b, int i, const Instrument& instrument, const Pose& tip, Removed& out);
 
   EachInstrument<RemovalSettings> settings_;
   double h_;
@@ -68,7 +71,8 @@ class RemovalStage {
   std::vector<Scheduled> spent_;  // by a tip, by degrees: they go in the next step
   std::vector<Fading> fading_;
   std::vector<std::vector<int>> gone_;
-  EachInstrument<double> budget_;  // tetrahedra that the rate allows now
+  EachInstrument<double> budget_;   // tetrahedra that the rate allows now
+  EachInstrument<double> passing_;  // of what was sucked in, not through the lumen yet [m³]
   int total_ = 0;
 };
 

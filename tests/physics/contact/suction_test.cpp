@@ -83,6 +83,29 @@ TEST(Suction, ThePumpRisesAndVentsWithItsTimeConstant) {
   EXPECT_EQ(pumped(Port{}, 5, 1, true, 1e-3), 0);
 }
 
+// A peristaltic pump: occluded it fills its tubing's compliance, so the vacuum rises evenly and stops at its
+// largest; half covered it comes to p_max o/(1 − o), at most the largest; open it vents with its time
+// constant.
+TEST(Suction, APumpWithAFlowRisesEvenlyWhileOccluded) {
+  Port port = needle().port;
+  port.flow = 5e-7;
+  const double compliance = port.flow * port.rise_time / vacuum;  // of the tubing [m³/Pa]
+  double p = 0;
+  for (int ms = 1; ms <= 600; ++ms) {
+    p = pumped(port, p, 1, true, 1e-3);
+    EXPECT_NEAR(p, std::min(vacuum, port.flow / compliance * 1e-3 * ms), 1e-9 * vacuum);
+  }
+  EXPECT_EQ(p, vacuum);
+  for (int ms = 0; ms < 300; ++ms) p = pumped(port, p, 0, true, 1e-3);
+  EXPECT_NEAR(p, vacuum * std::exp(-1.0), 2e-3 * vacuum);
+  for (int ms = 0; ms < 300; ++ms) p = pumped(port, p, 1, false, 1e-3);
+  EXPECT_NEAR(p, vacuum * std::exp(-2.0), 2e-3 * vacuum);
+  for (int ms = 0; ms < 5000; ++ms) p = pumped(port, p, 0.25, true, 1e-3);
+  EXPECT_NEAR(p, vacuum / 3, 1e-6 * vacuum);
+  for (int ms = 0; ms < 5000; ++ms) p = pumped(port, p, 0.6, true, 1e-3);
+  EXPECT_EQ(p, vacuum);
+}
+
 TEST(Suction, IsTakenOutOfTheProblemAgain) {
   auto problem = sheet(4e-3, 8, 0);
   problem->C() = MatX::Identity(3 * problem->nodes, 3 * problem->nodes);

@@ -210,6 +210,48 @@ TEST(OperationEvents, APumpIsOccludedOnceAndVentedOnce) {
   EXPECT_STREQ(events.all()[1].what, "vented");
 }
 
+// A piece that takes three steps through the lumen is told when it is through, one of a single step is not;
+// what is too wide is told again after half a second without.
+TEST(OperationEvents, ALumenTellsWhatPassesAndWhatDoesNot) {
+  std::vector<BodySettings> bodies;
+  bodies.push_back({"floor", false, box_mesh(Vec3(0.01, 0.01, 0.01), 1, 1, 1), {}, {}, 0, false});
+  World world(std::move(bodies), ball(5e-3), settings());
+  OperationEvents events(world);
+  const std::vector<BodyMeasures> measured(1);
+  const std::vector<double> touch(1, 0.0);
+  for (int k = 0; k < 100; ++k) {
+    StepReport report;
+    report.lumen[0].passing = (k >= 5 && k < 8) || k == 20 ? 1e-12 : 0;
+    report.lumen[0].too_wide = (k > 30 && k < 40) || k == 45 || k == 90 ? 4e-4 : 0;
+    events.follow(period * k, world, report, {}, measured, touch);
+  }
+  ASSERT_EQ(events.all().size(), 3u);
+  EXPECT_STREQ(events.all()[0].what, "passed");
+  EXPECT_EQ(events.all()[0].who, "0");
+  EXPECT_NEAR(events.all()[0].value, 3 * period, 1e-12);
+  EXPECT_STREQ(events.all()[1].what, "too_wide");
+  EXPECT_EQ(events.all()[1].value, 4e-4);
+  EXPECT_NEAR(events.all()[2].time, 90 * period, 1e-12);
+}
+
+// What flows in while tissue covers a quarter of the port for a second, and all of it for another.
+TEST(Operation, CountsTheFluidAndTheTimeOccluded) {
+  Bar bar;
+  Operation operation(*bar.world, period);
+  bar.hand.aspiration = true;
+  for (int k = 0; k < 100; ++k) {
+    StepReport report;
+    report.occlusion[0] = k < 50 ? 0.25 : 1;
+    report.flow[0] = 4e-7 * (1 - report.occlusion[0]);
+    operation.follow(*bar.world, report, InstrumentSamples(bar.hand));
+  }
+  const HandMeasures hand = operation.measures().hands[0];
+  EXPECT_NEAR(hand.fluid, 3e-7, 1e-15);
+  EXPECT_EQ(hand.flow, 0);
+  EXPECT_NEAR(hand.occluded, 1, 1e-9);
+  EXPECT_NEAR(hand.aspirating, 2, 1e-9);
+}
+
 // What the tip may not destroy is touched: told again only after half a second without.
 TEST(OperationEvents, ATouchIsToldAgainAfterAWhile) {
   std::vector<BodySettings> bodies;

@@ -282,5 +282,41 @@ TEST_F(SceneInstruments, AllAreDescribed) {
   EXPECT_EQ(json[1].at("felt_stiffness"), 50);
 }
 
+// A port with today's keys, or with its pump's in a map, which may have a flow.
+TEST_F(SceneInstruments, APortHasAPumpAndALumen) {
+  const auto with_port = [&](const std::string& port, const std::string& aspiration) {
+    std::string e = entry("phaco", 1);
+    e.insert(e.size() - 2, ", port: {radius: 0.01, reach: 0.01, " + port +
+                               "}, removal: {rate: 1, aspiration: {" + aspiration + "}}");
+    return tissue + "instruments:\n" + e;
+  };
+  const std::string count = "reach: 0.01, max_elements: 9";
+  const Scene plain = read(with_port("vacuum: 1000, rise_time: 0.5", count));
+  EXPECT_EQ(plain.first().shape.port.vacuum, 1000);
+  EXPECT_EQ(plain.first().shape.port.flow, 0);
+  EXPECT_EQ(plain.first().shape.port.lumen, 0);
+  const std::string pump = "pump: {vacuum: 2000, rise_time: 0.4, flow: 5.0e-7}";
+  const Scene scene = read(with_port(pump + ", lumen: 0.02", "reach: 0.03"));
+  const Port& port = scene.first().shape.port;
+  EXPECT_EQ(port.vacuum, 2000);
+  EXPECT_EQ(port.rise_time, 0.4);
+  EXPECT_EQ(port.flow, 5e-7);
+  EXPECT_EQ(port.lumen, 0.02);
+  EXPECT_EQ(scene.first().removal.aspiration_reach, 0.03);
+  EXPECT_NE(describe(scene).find("30 ml/min, tubing 100 mm3/kPa"), std::string::npos) << describe(scene);
+  EXPECT_NE(describe(scene).find("a lumen of radius 20.00 mm"), std::string::npos) << describe(scene);
+  const auto fault = [&](const std::string& text, const std::string& key, const std::string& says) {
+    expect_fault_in(text, "phaco", "phaco", "instruments[0]." + key, says);
+  };
+  fault(with_port(pump + ", vacuum: 1000", count), "port.vacuum", "stands in pump already");
+  fault(with_port("pump: {vacuum: 2000, flow: 5.0e-7}", count), "port.pump.rise_time", "missing");
+  fault(with_port("pump: {vacuum: 2000, rise_time: 0, flow: 5.0e-7}", count), "port.pump.rise_time",
+        "builds");
+  fault(with_port("pump: {vacuum: 2000, rise_time: 1, flow: 30}", count), "port.pump.flow", "30 ml/min");
+  fault(with_port(pump + ", lumen: 0", "reach: 0.03"), "port.lumen", "metres");
+  fault(with_port(pump + ", lumen: 0.02", count), "removal.aspiration.max_elements", "port.lumen");
+  fault(with_port(pump, "reach: 0.03"), "removal.aspiration.max_elements", "missing");
+}
+
 }  // namespace
 }  // namespace hapticd

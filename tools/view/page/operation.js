@@ -22,6 +22,8 @@ function words({ what, who, value }, hands) {
     case 'gone': return `${share(value)} of ${who} gone`;
     case 'aspirated': return `${many(value, 'fragment')} sucked out`;
     case 'occluded': return `port of ${hand} covered`;
+    case 'too_wide': return `too wide for the lumen of ${hand}`;
+    case 'passed': return `through the lumen of ${hand} in ${value.toFixed(1)} s`;
     case 'vented': return `port of ${hand} free`;
     case 'touched': return `${who} touched, ${force(value)}`;
     default: return `${what} ${who}`;
@@ -32,6 +34,7 @@ export class Operation {
   constructor() {
     this.names = [];
     this.draws = false;  // somebody has a pump
+    this.flows = false;  // … with a flow
     this.happened = [];
   }
 
@@ -55,7 +58,10 @@ export class Operation {
     $('operation').hidden = false;
     $('operation-time').textContent = `${(time_s ?? 0).toFixed(1)} s · ${many(events, 'event')}`;
     this.draws ||= hands.some(h => h.vacuum_pa > 0);
-    const pump = this.draws ? ['vacuum'] : [], vacuum = h => this.draws ? [`${(1e-3 * (h.vacuum_pa ?? 0)).toFixed(1)} kPa`] : [];
+    this.flows ||= hands.some(h => h.fluid_ml > 0);
+    const pump = [...this.draws ? ['vacuum'] : [], ...this.flows ? ['fluid'] : []];
+    const vacuum = h => [...this.draws ? [`${(1e-3 * (h.vacuum_pa ?? 0)).toFixed(1)} kPa`] : [],
+      ...this.flows ? [`${(h.fluid_ml ?? 0).toFixed(1)} ml`] : []];
     $('operation-hands').innerHTML = table(['', 'touching', 'phaco', 'suction', ...pump, 'path'],
       hands.map((h, i) => [escape(this.names[i] ?? `hand ${i}`), seconds(h.touching_s), seconds(h.emulsifying_s),
         seconds(h.aspirating_s), ...vacuum(h), `${(1000 * (h.path_m ?? 0)).toFixed(0)} mm`]));

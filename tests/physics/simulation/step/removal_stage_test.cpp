@@ -142,5 +142,49 @@ TEST_F(Carving, WhatIsScheduledToBecomeLessDoesSoEvenly) {
   EXPECT_TRUE(stage.thin(bodies, instrument, {}, {}, 0.018).empty());
 }
 
+// Two loose crumbs before a port: the second waits until the first one's volume has gone through at the
+// pump's flow; without a flow nothing waits.
+TEST(Aspiration, PiecesGoThroughTheLumenOneAfterAnother) {
+  for (const double flow : {0.0, 1e-11, 2.5e-11}) {
+    BodySettings settings{
+        "bar", true, box_mesh(Vec3(5e-4, 1e-4, 1e-4), 5, 1, 1), {5000, 0.4, 1000, 5, 0.002}, {}, 0, true};
+    Bodies bodies;
+    bodies.emplace_back(std::move(settings), h, Vec3::Zero());
+    std::vector<int> gap;  // the second and fourth of five cells; the last is out of reach
+    for (int t = 0; t < bodies[0].model.tet_count(); ++t) {
+      double x = 0;
+      for (const int n : bodies[0].model.mesh.tets[t]) x += 0.25e4 * bodies[0].rest()[n].x();
+      if (static_cast<int>(x) % 2 == 1) gap.push_back(t);
+    }
+    Instrument instrument;
+    Primitive tip;
+    tip.shape = Shape::sphere;
+    tip.radius = 1e-5;
+    instrument.primitives = {tip};
+    instrument.port = {.radius = 1e-5, .reach = 1e-5, .flow = flow, .lumen = 1e-4};
+    InstrumentSample sample;
+    sample.present = sample.aspiration = true;
+    sample.pose.p = Vec3(-0.5e-4, 0.5e-4, 0.5e-4);
+    RemovalStage stage(RemovalSettings{.aspiration_reach = 2e-4}, h, 1);
+    stage.schedule(0, gap);
+    Removed removed = stage.remove(bodies, instrument, sample, sample.pose);
+    EXPECT_EQ(removed.fragments_aspirated, 1);
+    EXPECT_NEAR(removed.lumen[0].passing, 1e-12, 1e-18);
+    sample.pose.p.x() = 1.5e-4;
+    // 1e-12 m³ are through in 100 and 40 ms, in the fifth and second step.
+    const int wait = flow == 0 ? 0 : static_cast<int>(std::ceil(1e-12 / (flow * h) - 1e-9)) - 1;
+    double through = 0;
+    for (int i = 0; i < wait; ++i) {
+      removed = stage.remove(bodies, instrument, sample, sample.pose);
+      EXPECT_EQ(removed.fragments_aspirated, 0) << flow;
+      through += removed.passed[0];
+      EXPECT_NEAR(removed.lumen[0].passing, 1e-12 - through, 1e-18);
+    }
+    removed = stage.remove(bodies, instrument, sample, sample.pose);
+    EXPECT_EQ(removed.fragments_aspirated, 1) << flow;
+    EXPECT_NEAR(through + removed.passed[0], 1e-12, 1e-18);
+  }
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -144,6 +144,46 @@ TEST(Removal, SuctionTakesOnlyLooseReachableSmallFragments) {
   EXPECT_EQ(fragments_at_tip(b.model, b.state, b.instrument, at_end, {0, 0, 1e-3, beyond - 1}).fragments, 0);
 }
 
+// Of the bar of 1 × 1 mm² what lies beyond the slice is 3 mm long and needs a lumen of 1/√2 mm, however many
+// tetrahedra it has; where the port is counts, not the tip.
+TEST(Removal, ALumenTakesWhatFitsThroughIt) {
+  const TetMesh mesh = box_mesh(Vec3(8e-3, 1e-3, 1e-3), 8, 1, 1);
+  std::vector<int> held, slice;
+  for (int n = 0; n < static_cast<int>(mesh.nodes.size()); ++n)
+    if (mesh.nodes[n].x() < 1e-6) held.push_back(n);
+  Block b;
+  b.model = make_tissue_model(mesh, {3000, 0.45, 1000, 0, 0}, held, Vec3::Zero());
+  b.state = rest_state(b.model);
+  for (int e = 0; e < b.model.tet_count(); ++e) {
+    double x = 0;
+    for (int n : mesh.tets[e]) x += 0.25 * mesh.nodes[n].x();
+    if (x > 4e-3 && x < 5e-3) slice.push_back(e);
+  }
+  remove_tets(b.model, b.state, slice);
+  b.instrument.port.direction = -Vec3::UnitX();
+  b.instrument.port.position = Vec3(-0.3e-3, 0, 0);
+  b.instrument.port.radius = 0.2e-3;
+  const Pose at_end{Vec3(8.5e-3, 5e-4, 5e-4), Quat::Identity()};  // the opening 0.2 mm from the end
+  const auto sucked = [&](double lumen, double reach, const Pose& X) {
+    b.instrument.port.lumen = lumen;
+    return fragments_at_tip(b.model, b.state, b.instrument, X, {0, 0, reach, 0});
+  };
+  const Aspirated fits = sucked(0.72e-3, 0.7e-3, at_end);
+  EXPECT_EQ(fits.fragments, 1);
+  EXPECT_NEAR(fits.volume, 3e-9, 1e-15);
+  EXPECT_EQ(fits.too_wide, 0);
+  const Aspirated stuck = sucked(0.69e-3, 0.7e-3, at_end);
+  EXPECT_EQ(stuck.fragments, 0);
+  EXPECT_TRUE(stuck.tets.empty());
+  EXPECT_NEAR(stuck.too_wide, std::sqrt(0.5) * 1e-3, 0.02e-3);
+  EXPECT_EQ(sucked(0.72e-3, 0.5e-3, at_end).fragments, 0) << "the corners are 0.55 mm from the opening";
+  const Pose turned{at_end.p, Quat(Eigen::AngleAxisd(M_PI, Vec3::UnitZ()))};
+  EXPECT_EQ(sucked(0.72e-3, 0.7e-3, turned).fragments, 0) << "it opens the other way";
+  EXPECT_TRUE(aspirates(b.instrument, {0, 0, 1e-3, 0}));
+  b.instrument.port.lumen = 0;
+  EXPECT_FALSE(aspirates(b.instrument, {0, 0, 1e-3, 0}));
+}
+
 TEST(Removal, SuctionTakesWhatHangsByAnEdge) {
   TetMesh mesh = box_mesh(Vec3(2e-3, 1e-3, 1e-3), 2, 1, 1);
   std::vector<int> held;
