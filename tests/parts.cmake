@@ -10,7 +10,8 @@ list(APPEND reader_sources ${SERVER}/mesh/foreign_format.cpp ${SERVER}/mesh/mesh
      ${SERVER}/record/bag_reader.cpp ${SERVER}/record/ros2_messages.cpp
      ${PHYSICS}/tissue/surface.cpp ${PHYSICS}/tissue/mesh_quality.cpp)
 file(GLOB tick_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/haptic/*.cpp ${PHYSICS}/contact/*.cpp
-     ${PHYSICS}/contact/cutting/*.cpp ${PHYSICS}/contact/distance/*.cpp ${PHYSICS}/contact/solver/*.cpp)
+     ${PHYSICS}/contact/cutting/*.cpp ${PHYSICS}/contact/distance/*.cpp
+     ${PHYSICS}/contact/incision/*.cpp ${PHYSICS}/contact/solver/*.cpp)
 # The kernels for any processor alone.
 list(APPEND tick_sources ${PHYSICS}/compliance/factor/front_kernels.cpp
      ${PHYSICS}/compliance/factor/front_kernels_generic.cpp)

@@ -16,6 +16,7 @@
 #include <cmath>
 
 #include "physics/contact/cutting/edge_rows.h"
+#include "physics/contact/incision/incision_rows.h"
 #include "physics/contact/missed_contact.h"
 #include "physics/contact/placed_instruments.h"
 #include "physics/contact/solver/rows_solve.h"
@@ -87,6 +88,10 @@ void remember_solve(const CondensedProblem& problem, const InstrumentPoses& X_li
     if (row.edge >= 0) {
       const int n = scratch.rows.rows_per_contact * i;
       e.advance = advance_after(row, scratch.rows.W()(n, n), scratch.lambda[n], delta<1>(scratch, n)[0]);
+    } else if (row.incision) {
+      const Pose& X = X_lin[row.instrument];
+      e.anchor = place(row, X.p + row.arm);
+      e.other_anchor = ring_at_rest(row, X, local_lambda(scratch, i));
     } else if (row.other < 0) {
       e.anchor = place(row, sample_position(problem, scratch.x, row.sample));
     } else {

@@ -88,7 +88,10 @@ void DelassusColumns<m>::own_block(int j) noexcept {
   Mat3 W = coupling(K_inv_diag_, of, of);
   const double of_coupling = rigid_compliance * W.trace() / 3;
   double added = of_coupling;
-  if (of.other < 0) {
+  if (of.incision) {
+    W.diagonal().array() += of.compliance;
+    added = std::max(0.0, of_coupling - of.compliance);
+  } else if (of.other < 0) {
     const Mat3 G = of.edge < 0 ? own_compliance<3>(*problem_, problem_->sample[of.sample])
                                : own_compliance<4>(*problem_, problem_->edge[of.edge]);
     const Mat3 G_local = of.frame.transpose() * G * of.frame;
@@ -148,7 +151,7 @@ void DelassusColumns<m>::column(int j, int first) noexcept {
         for (int r = 0; r < m; ++r) to[c * n_ + r] = block(j, i)[r * n_ + c];
       continue;
     }
-    if (row.other >= 0 || of.other >= 0) {
+    if (row.other >= 0 || of.other >= 0 || row.incision || of.incision) {
       const Mat3 B = coupling(K_inv_diag_, row, of);
       for (int c = 0; c < m; ++c) std::copy_n(B.col(c).data(), m, to + c * n_);
       continue;

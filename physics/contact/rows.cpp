@@ -23,6 +23,7 @@
 #include "physics/contact/cutting/edge_rows.h"
 #include "physics/contact/delassus.h"
 #include "physics/contact/delassus_columns.h"
+#include "physics/contact/incision/incision_rows.h"
 #include "physics/contact/instrument_pairs.h"
 #include "physics/contact/missed_contact.h"
 #include "physics/contact/placed_instruments.h"
@@ -60,6 +61,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
     rows.row[i].instrument = instrument;
     rows.row[i].primitive = gap.primitive;
     rows.row[i].other = rows.row[i].edge = -1;
+    rows.row[i].incision = false;
     rows.row[i].limit = no_limit;
     rows.row[i].gap = gap.distance;
     rows.row[i].frame.col(0) = gap.normal;
@@ -117,6 +119,7 @@ void add_pairs(const CondensedProblem& problem, const InstrumentPairs& pairs, co
     row.primitive = pair.primitive;
     row.other = pair.other;
     row.edge = -1;
+    row.incision = false;
     row.limit = no_limit;
     row.id = pair.id;
     row.gap = pair.gap.distance;
@@ -167,9 +170,11 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
   const Within rows_part(times, ContactPart::rows);
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
   select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, memory.outside, margin, reached,
-         max_contacts - pairs.count() - count_edges(problem, X_lin), rows);
+         max_contacts - pairs.count() - count_edges(problem, X_lin) - count_incisions(instruments, X_lin),
+         rows);
   add_edges(problem, X_free, X_lin, x_lin, memory, period, rows);
   add_pairs(problem, pairs, X_lin, K_inv_diag, rows);
+  add_incisions(instruments, X_free, X_lin, memory, rows);
   rows.rows_per_contact = 1;
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
@@ -180,7 +185,8 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
   const EachInstrument<Vec6> shift = difference(X_free, X_lin);
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
-    if (row.edge >= 0) {
+    if (row.edge >= 0 || row.incision) {
+      if (rows.rows_per_contact == 1) row.delta_free.tail<2>().setZero();
       set_q(rows, i, row.delta_free);
       continue;
     }
@@ -234,8 +240,9 @@ void shift_rows(const CondensedProblem& problem, const InstrumentPoses& X_frozen
         row.anchor = known->anchor;
         row.other_anchor = known->other_anchor;
       }
-      const Vec3 s_free = row.other < 0 ? sample_position(problem, problem.x_free, row.sample)
-                                        : X_frozen[row.other].to_world(row.other_anchor);
+      const Vec3 s_free = row.incision    ? row.other_anchor
+                          : row.other < 0 ? sample_position(problem, problem.x_free, row.sample)
+                                          : X_frozen[row.other].to_world(row.other_anchor);
       const Vec3 slip = row.frame.transpose() * (s_free - X_frozen[row.instrument].to_world(row.anchor));
       row.delta_free.tail<2>() = slip.tail<2>();
     }

@@ -32,11 +32,11 @@ template <int m>
 class DelassusColumns;
 
 struct ContactRow {
-  int sample = -1;     // index into the problem's samples; −1: another instrument or a cut's front is there
-  int instrument = 0;  // a row is known by its sample, this …
-  int primitive;       // … and this of it
-  int other = -1;      // the instrument that is touched; −1: tissue
-  int edge = -1;       // index into the problem's edge samples; −1: not a blade's edge
+  int sample = -1;  // index into the problem's samples; −1: another instrument, a front or a ring is there
+  int instrument = 0;       // a row is known by its sample, this …
+  int primitive;            // … and this of it
+  int other = -1;           // the instrument that is touched; −1: tissue
+  int edge = -1;            // index into the problem's edge samples; −1: not a blade's edge
   bool incision = false;    // it is the instrument's own ring (incision_rows.h): no sample, no other
   std::uint64_t id;         // the sample's id, or one of two primitives (instrument_pairs.h)
   Mat3 frame;               // columns n, t1, t2 (world)
@@ -78,7 +78,7 @@ struct ContactMemory {
     bool sticking;
     int primitive = 0;
     int instrument = 0;
-    Vec3 other_anchor = Vec3::Zero();  // frame of the instrument that is touched [m]
+    Vec3 other_anchor = Vec3::Zero();  // frame of the instrument that is touched; of a ring, the scene's [m]
     double advance = 0;                // of an edge, in all; of an incision, its play [m]
   };
   int count = 0;

@@ -33,6 +33,11 @@ class Mark {
     put(p.direction);
     for (const double x : {p.radius, p.reach, p.vacuum, p.rise_time, p.flow, p.lumen}) put(x);
   }
+  void put(const Incision& ring) {
+    put(ring.at);
+    put(ring.axis);
+    for (const double x : {ring.slack, ring.stiffness, ring.friction}) put(x);
+  }
   std::uint64_t value() const { return value_; }
 
  private:
@@ -50,6 +55,7 @@ std::uint64_t scene_mark(const Scene& scene, const EachInstrument<bool>& at_simu
     for (const BladePoint& p : i.shape.blade.sample) mark.put(p.place);
     mark.put(i.shape.blade.direction);
     mark.put(i.shape.port);
+    mark.put(i.shape.incision);
   }
   const HapticOptions options = haptic_options(scene);
   mark.put(options.contact.margin);

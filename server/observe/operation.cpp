@@ -42,6 +42,28 @@ void count_pieces(const Body& body, BodyMeasures& of) {
   of.loose = static_cast<int>(std::count(pieces.held.begin(), pieces.held.end(), char{0}));
 }
 
+// What one hand presses: its ring [N], stretched by so much [m], and whether anything else.
+struct Pressed {
+  double ring = 0, stretch = 0;
+  bool others = false;
+};
+Pressed pressed_by(const ContactScratch& scratch, int hand) {
+  Pressed of;
+  const ContactRows& rows = scratch.rows;
+  for (int i = 0; i < rows.contacts; ++i) {
+    const ContactRow& row = rows.row[static_cast<std::size_t>(i)];
+    const double* lambda = &scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact * i)];
+    if (!(lambda[0] > 0) || (row.instrument != hand && row.other != hand)) continue;
+    if (!row.incision) {
+      of.others = true;
+      continue;
+    }
+    of.ring = Eigen::Map<const VecX>(lambda, rows.rows_per_contact).norm();
+    of.stretch = row.compliance * lambda[0];
+  }
+  return of;
+}
+
 }  // namespace
 
 Operation::Operation(const World& world, double period) : period_(period), events_(world) {
@@ -82,7 +104,7 @@ std::uint64_t Operation::newest(OperationMeasures& into) const {
 
 void Operation::follow(const World& world, const StepReport& report, const InstrumentSamples& samples) {
   measures_.time += period_;
-  follow_hands(report, samples);
+  follow_hands(world, report, samples);
   const std::vector<double> touch = follow_touches(world);
   for (std::size_t b = 0; b < measures_.bodies.size(); ++b) {
     const Body& body = world.bodies()[b];
@@ -98,7 +120,7 @@ void Operation::follow(const World& world, const StepReport& report, const Instr
   shown_ = measures_;
 }
 
-void Operation::follow_hands(const StepReport& report, const InstrumentSamples& samples) {
+void Operation::follow_hands(const World& world, const StepReport& report, const InstrumentSamples& samples) {
   for (std::size_t i = 0; i < measures_.hands.size(); ++i) {
     const InstrumentSample& sample = samples[static_cast<int>(i)];
     HandMeasures& hand = measures_.hands[i];
@@ -112,7 +134,10 @@ void Operation::follow_hands(const StepReport& report, const InstrumentSamples& 
     if (sample.aspiration && report.occlusion[static_cast<int>(i)] >= covered_share) hand.occluded += period_;
     if (!sample.present) continue;
     const double force = report.contact.wrench[static_cast<int>(i)].head<3>().norm();
-    hand.touching += force > 0 ? period_ : 0;
+    const Pressed pressed = pressed_by(world.contact_scratch(), static_cast<int>(i));
+    hand.touching += (pressed.ring > 0 ? pressed.others : force > 0) ? period_ : 0;
+    hand.incision_force = std::max(hand.incision_force, pressed.ring);
+    hand.incision_stretch = std::max(hand.incision_stretch, pressed.stretch);
     hand.force_most = std::max(hand.force_most, force);
     hand.emulsifying += sample.phaco ? period_ : 0;
     hand.aspirating += sample.aspiration ? period_ : 0;
@@ -146,15 +171,18 @@ nlohmann::ordered_json to_json(const OperationMeasures& measures) {
   nlohmann::ordered_json json;
   json["time_s"] = measures.time;
   for (const HandMeasures& hand : measures.hands)
-    json["hands"].push_back({{"path_m", hand.path},
-                             {"touching_s", hand.touching},
-                             {"emulsifying_s", hand.emulsifying},
-                             {"aspirating_s", hand.aspirating},
-                             {"sim_force_most_n", hand.force_most},
-                             {"vacuum_pa", hand.vacuum},
-                             {"flow_ml_per_min", 6e7 * hand.flow},
-                             {"fluid_ml", 1e6 * hand.fluid},
-                             {"occluded_s", hand.occluded}});
+    json["hands"].push_back(
+        {{"path_m", hand.path},
+         {"touching_s", hand.touching},
+         {"emulsifying_s", hand.emulsifying},
+         {"aspirating_s", hand.aspirating},
+         {"sim_force_most_n", hand.force_most},
+         {"vacuum_pa", hand.vacuum},
+         {"flow_ml_per_min", 6e7 * hand.flow},
+         {"fluid_ml", 1e6 * hand.fluid},
+         {"occluded_s", hand.occluded},
+         {"incision",
+          {{"sim_force_most_n", hand.incision_force}, {"stretch_most_m", hand.incision_stretch}}}});
   for (const BodyMeasures& body : measures.bodies) {
     nlohmann::ordered_json of{
         {"name", body.name}, {"touched_s", body.touched}, {"touch_most_n", body.touch_most}};

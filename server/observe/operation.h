@@ -2,7 +2,8 @@
 //
 //   hands[]   path of the tip [m], times touching, emulsifying, aspirating [s], largest force [N],
 //             vacuum of its port now [Pa], flow of fluid into it now [m³/s] and so far [m³], time that it
-//             was covered to four fifths with the pedal down [s]
+//             was covered to four fifths with the pedal down [s]; of its incision the largest force [N]
+//             and stretch [m]
 //   bodies[]  share of its volume that is gone, pieces it has come to and most of them, smaller crumbs,
 //             how many of all are loose, largest strain, time touched [s], largest force of a touch [N]
 //   events[]  operation_events.h
@@ -28,6 +29,7 @@ inline constexpr double crumb_share = 0.01;  // of a body's first volume: what i
 struct HandMeasures {
   double path = 0, touching = 0, emulsifying = 0, aspirating = 0, force_most = 0, vacuum = 0;
   double flow = 0, fluid = 0, occluded = 0;
+  double incision_force = 0, incision_stretch = 0;
 };
 
 struct BodyMeasures {
@@ -59,7 +61,7 @@ class Operation {
   std::uint64_t newest(OperationMeasures& into) const;
 
  private:
-  void follow_hands(const StepReport& report, const InstrumentSamples& samples);
+  void follow_hands(const World& world, const StepReport& report, const InstrumentSamples& samples);
   std::vector<double> follow_touches(const World& world);  // the force on each body
 
   double period_;

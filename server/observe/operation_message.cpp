@@ -16,7 +16,8 @@ hapticd_msg_SceneOperation operation_message(std::uint32_t device_id, const std:
   bodies.clear();
   for (const HandMeasures& h : measures.hands)
     hands.push_back({real(h.path), real(h.touching), real(h.emulsifying), real(h.aspirating),
-                     real(h.force_most), real(h.vacuum), real(h.flow), real(h.fluid), real(h.occluded)});
+                     real(h.force_most), real(h.vacuum), real(h.flow), real(h.fluid), real(h.occluded),
+                     real(h.incision_force), real(h.incision_stretch)});
   for (const BodyMeasures& b : measures.bodies)
     bodies.push_back({text(b.name.c_str()), b.deformable, real(b.volume > 0 ? b.volume_gone / b.volume : 0),
                       count(b.pieces), count(b.pieces_most), count(b.crumbs), count(b.loose),

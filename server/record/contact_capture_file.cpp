@@ -15,7 +15,7 @@ namespace hapticd {
 namespace {
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'L', 'C'};
-constexpr std::uint32_t version = 6, byte_order = 0x01020304;
+constexpr std::uint32_t version = 7, byte_order = 0x01020304;
 constexpr std::uint32_t max_primitives = 64, max_vertices = 4096;
 
 // One description of the layout for both directions: `put` of the writer appends, of the reader takes.
@@ -111,6 +111,17 @@ void layout(File& f, Primitive& p) {
   for (Vec3& v : p.vertices) layout(f, v);
   p.planes.resize(f.length(p.planes.size(), max_vertices, "planes of a primitive"));
   for (Eigen::Vector4d& n : p.planes) f.numbers(n.data(), 4);
+}
+
+template <typename File>
+void layout(File& f, Incision& ring) {
+  layout(f, ring.at);
+  layout(f, ring.axis);
+  f.put(ring.slack);
+  f.put(ring.stiffness);
+  f.put(ring.friction);
+  f.expect(ring.slack >= 0 && ring.stiffness >= 0 && ring.friction >= 0,
+           "an incision with a negative number");
 }
 
 template <typename File>
@@ -245,6 +256,7 @@ void layout(File& f, CapturedProblem& c) {
     i.primitives.resize(f.length(i.primitives.size(), max_primitives, "primitives of the instrument"));
     for (Primitive& p : i.primitives) layout(f, p);
     f.put(i.tip);
+    if (f.written_as() >= 7) layout(f, i.incision);
   }
   layout(f, c.capture.problem, static_cast<int>(c.instruments.size()));
   layout(f, c.capture.state, c.instruments);

@@ -114,6 +114,10 @@ void describe_instrument(std::string& out, const SceneInstrument& held, const Sc
   if (const Port& port = held.shape.port; port.flow > 0)
     line(out, "pump       %.3g ml/min, tubing %.3g mm3/kPa", 6e7 * port.flow,
          1e12 * port.flow * port.rise_time / port.vacuum);
+  if (const Incision& ring = held.shape.incision; ring.stiffness > 0)
+    line(out, "incision   ring at (%.2f, %.2f, %.2f) mm, slack %.0f um, %.4g N/m, friction %.3g",
+         1e3 * ring.at.x(), 1e3 * ring.at.y(), 1e3 * ring.at.z(), 1e6 * ring.slack, ring.stiffness,
+         ring.friction);
   line(out, "coupling   %.4g N/m, %.3g N m/rad, damping time %.3g ms", held.coupling.stiffness,
        held.coupling.rotational_stiffness, 1e3 * held.coupling.damping_time);
   const RemovalSettings& removal = held.removal;

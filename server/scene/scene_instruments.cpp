@@ -72,6 +72,24 @@ Port read_port(const YamlMap& yaml) {
   return port;
 }
 
+// Axis: as a pivot's, from the device's origin.
+Incision read_incision(const YamlMap& yaml, const DeviceSettings& device) {
+  yaml.only({"at", "axis", "slack", "stiffness", "friction"});
+  Incision ring;
+  ring.at = yaml.vec3("at");
+  const Vec3 axis = yaml.vec3("axis", ring.at - device.origin);
+  if (axis.isZero(0))
+    throw yaml.has("axis") ? yaml.error("axis", "is zero")
+                           : yaml.error("at", "is mapping.origin: say axis, the direction out of the body");
+  ring.axis = axis.normalized();
+  ring.slack = yaml.number("slack", port_length);
+  ring.stiffness = yaml.number("stiffness", stiffness);
+  ring.friction = yaml.number("friction", between_instruments, 0);
+  if (device.pivot && (device.pivot->point - ring.at).norm() > ring.slack)
+    throw yaml.error("at", "is farther than slack from mapping.pivot.point: the ring would always pull");
+  return ring;
+}
+
 VirtualCoupling read_coupling(const YamlMap& yaml) {
   yaml.only({"stiffness", "rotational_stiffness", "damping_time"});
   VirtualCoupling coupling;
@@ -162,6 +180,7 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
   held.device_name = file.name;
   held.device_stiffness = file.max_stiffness;
   read_mapping(rest.map("mapping"), held.device);
+  if (own.has("incision")) held.shape.incision = read_incision(own.map("incision"), held.device);
 
   if (rest.has("trajectory")) {
     held.trajectory = rest.folder() / rest.text("trajectory");
@@ -173,8 +192,8 @@ SceneInstrument read_entry(const YamlMap& own, const YamlMap& rest, const std::s
 }
 
 SceneInstrument read_listed(const YamlMap& yaml, const std::string& device, const Scene& scene) {
-  yaml.only({"name", "primitives", "tip", "blade", "port", "coupling", "removal", "device", "id", "mapping",
-             "trajectory", "ghost"});
+  yaml.only({"name", "primitives", "tip", "blade", "port", "incision", "coupling", "removal", "device", "id",
+             "mapping", "trajectory", "ghost"});
   const std::string name = yaml.text("name");
   for (const SceneInstrument& other : scene.instruments)
     if (other.name == name) throw yaml.error("name", "'" + name + "' is another instrument's name already");
@@ -221,7 +240,7 @@ void read_only_instrument(const YamlMap& yaml, const std::string& device, Scene&
     throw yaml.error("instrument_friction",
                      "is of one instrument against another: stands only beside instruments");
   const YamlMap own = yaml.map("instrument");
-  own.only({"primitives", "tip", "blade", "port", "coupling"});
+  own.only({"primitives", "tip", "blade", "port", "incision", "coupling"});
   scene.instruments.push_back(read_entry(own, yaml, device, scene.bodies));
   scene.first().name = "instrument";
   if (yaml.has("more_devices"))

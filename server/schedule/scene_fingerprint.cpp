@@ -46,6 +46,10 @@ void add(Fingerprint& f, const SceneInstrument& i) {
   f.add(port.direction);
   for (const double x : {port.radius, port.reach, port.vacuum, port.rise_time, port.flow, port.lumen})
     f.add(x);
+  const Incision& ring = i.shape.incision;
+  f.add(ring.at);
+  f.add(ring.axis);
+  for (const double x : {ring.slack, ring.stiffness, ring.friction}) f.add(x);
 }
 
 }  // namespace

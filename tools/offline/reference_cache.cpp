@@ -153,6 +153,10 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
       hash.number(x);
     hash.vector(port.position);
     hash.vector(port.direction);
+    const Incision& ring = held.shape.incision;
+    for (const double x : {ring.slack, ring.stiffness, ring.friction}) hash.number(x);
+    hash.vector(ring.at);
+    hash.vector(ring.axis);
     for (const Vec3& p : held.shape.blade.edge) hash.vector(p);
     hash.vector(held.shape.blade.direction);
     hash.number(held.shape.blade.sample.size());

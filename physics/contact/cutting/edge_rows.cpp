@@ -36,6 +36,7 @@ void add_edges(const CondensedProblem& problem, const InstrumentPoses& X_free, c
     ContactRow& row = rows.row[rows.contacts++];
     row.sample = row.other = -1;
     row.edge = k;
+    row.incision = false;
     row.instrument = e.instrument;
     row.primitive = 0;
     row.id = e.id;

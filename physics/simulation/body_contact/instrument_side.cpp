@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "physics/contact/cutting/edge_rows.h"
+#include "physics/contact/incision/incision_rows.h"
 
 namespace hapticd {
 namespace {
@@ -91,6 +92,20 @@ ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {
       continue;
     }
     const Pose& X = out.instrument[row.instrument];
+    const Vec6& d = moved[row.instrument];
+    const auto place = [&](const Vec3& s) {
+      return frozen_ ? X_[row.instrument].to_local(s - d.head<3>() - d.tail<3>().cross(row.arm))
+                     : X.to_local(s);
+    };
+    if (row.incision) {
+      if (e.sticking) continue;
+      const int m = rows.rows_per_contact;
+      Vec3 local = Vec3::Zero();
+      local.head(m) = lambda.segment(m * i, m);
+      e.anchor = place(X_[row.instrument].p + row.arm);
+      e.other_anchor = ring_at_rest(row, X_[row.instrument], local);
+      continue;
+    }
     if (row.other >= 0) {
       if (e.sticking) continue;
       e.anchor = X_[row.instrument].q.conjugate() * row.arm;
@@ -99,10 +114,7 @@ ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {
     }
     const Vec3 s = sample_position(problem_, scratch_.x, row.sample);
     out.penetration = std::max(out.penetration, -gap_at(instruments_[row.instrument], X, s).distance);
-    const Vec6& d = moved[row.instrument];
-    if (!e.sticking)
-      e.anchor =
-          frozen_ ? X_[row.instrument].to_local(s - d.head<3>() - d.tail<3>().cross(row.arm)) : X.to_local(s);
+    if (!e.sticking) e.anchor = place(s);
   }
   for (int i = 0; i < max_instruments; ++i)
     if (device_.present[i]) out.wrench[i] += problem_.instrument[i].load;

@@ -234,6 +234,31 @@ TEST(OperationEvents, ALumenTellsWhatPassesAndWhatDoesNot) {
   EXPECT_NEAR(events.all()[2].time, 90 * period, 1e-12);
 }
 
+// A shaft pressed against its ring far from any tissue touches nothing; the ring's force is what the hand
+// feels.
+TEST(Operation, MeasuresTheIncision) {
+  std::vector<BodySettings> bodies;
+  bodies.push_back({"floor", false, box_mesh(Vec3(0.01, 0.01, 0.01), 1, 1, 1), {}, {}, 0, false});
+  Instrument shaft = ball(5e-3);
+  shaft.incision = {Vec3(0, 0, 0.3), Vec3::UnitZ(), 1e-3, 500, 0};
+  World world(std::move(bodies), shaft, settings());
+  Operation operation(world, period);
+  const auto problem = std::make_unique<CondensedProblem>();
+  InstrumentSample hand = at(Vec3(0, 0, 0.2));
+  StepReport report;
+  for (int k = 0; k < 20; ++k) {
+    hand.pose.p.x() = 0.5e-3 * std::min(k, 8);
+    report = world.step([&] { return InstrumentSamples(hand); }, *problem);
+    operation.follow(world, report, InstrumentSamples(hand));
+  }
+  const HandMeasures m = operation.measures().hands[0];
+  EXPECT_GT(m.incision_force, 0);
+  EXPECT_NEAR(m.incision_force, m.force_most, 1e-9 * m.force_most);
+  EXPECT_NEAR(m.incision_stretch, m.incision_force / 500, 1e-9);
+  EXPECT_EQ(m.touching, 0);
+  EXPECT_EQ(operation.measures().bodies[0].touched, 0);
+}
+
 // What flows in while tissue covers a quarter of the port for a second, and all of it for another.
 TEST(Operation, CountsTheFluidAndTheTimeOccluded) {
   Bar bar;

@@ -98,8 +98,8 @@ TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
   }
 }
 
-// A file of version 6 without the number of instruments, the friction between them, who is present and who is
-// outside, the edge samples, and of each remembered contact primitive, instrument (an i32 each), the other's
+// A file of version 7 without the number of instruments, their incisions, the friction between them, who is
+// present and who is outside, the edge samples, and of each remembered contact primitive, instrument (an i32 each), the other's
 // anchor and the advance, is one of version 1.
 TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   const auto captured = pressed(Renewal::renewed);
@@ -124,7 +124,9 @@ TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   std::size_t shape = 4 + 4;
   for (const Primitive& p : captured->instruments[0].primitives)
     shape += 4 + 8 + 8 + 56 + 4 + 24 * p.vertices.size() + 4 + 32 * p.planes.size();
-  old.erase(header + shape + settings, 8);
+  constexpr std::size_t incision = 24 + 24 + 3 * 8;
+  old.erase(header + shape + incision + settings, 8);
+  old.erase(header + shape, incision);
   old.erase(16, 4);
   old[8] = 1;
   std::ofstream(file_, std::ios::binary | std::ios::trunc) << old;
@@ -172,6 +174,23 @@ TEST_F(CaptureFile, EdgesComeBackWithTheirAdvance) {
   EXPECT_EQ(again(*read, other).wrench[0], again(*captured, own).wrench[0]);
 }
 
+// A shaft pressed against its ring, and what the ring remembers.
+TEST_F(CaptureFile, IncisionsComeBack) {
+  const auto captured = pressed(Renewal::renewed);
+  captured->instruments[0].incision = {Vec3(0.1e-3, 0, 50e-3), Vec3::UnitZ(), 0.05e-3, 700, 0.2};
+  ContactState& state = captured->capture.state;
+  for (int tick = 0; tick < 20; ++tick) solve(*captured, state, 20 + tick);
+  ASSERT_NE(state.memory.find(std::uint64_t{0xffff} << 48, 0), nullptr);
+  write_capture(file_, captured->instruments, captured->capture);
+  const auto read = read_capture(file_);
+  const Incision& ring = read->instruments[0].incision;
+  EXPECT_EQ(ring.at, captured->instruments[0].incision.at);
+  EXPECT_EQ(ring.stiffness, 700);
+  EXPECT_EQ(ring.friction, 0.2);
+  ContactState own = state, other = read->capture.state;
+  EXPECT_EQ(again(*read, other).wrench[0], again(*captured, own).wrench[0]);
+}
+
 TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   const auto captured = pressed(Renewal::renewed);
   write_capture(file_, captured->instruments, captured->capture);
@@ -181,8 +200,8 @@ TEST_F(CaptureFile, DamagedFilesAreRefusedByName) {
   expect_refused(good.substr(0, good.size() / 2), "ends in the middle");
   expect_refused(good + "x", "longer");
   std::string other = good;
-  other[8] = 7;
-  expect_refused(other, "version 7");
+  other[8] = 8;
+  expect_refused(other, "version 8");
   other = good;
   other[12] = 9;
   expect_refused(other, "byte order");

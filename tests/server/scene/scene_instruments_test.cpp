@@ -318,5 +318,40 @@ TEST_F(SceneInstruments, APortHasAPumpAndALumen) {
   fault(with_port(pump, "reach: 0.03"), "removal.aspiration.max_elements", "missing");
 }
 
+// The ring that a shaft passes through; its axis is out of the body, from the device's origin unless said.
+TEST_F(SceneInstruments, AnIncisionIsARing) {
+  const auto with_ring = [&](const std::string& ring, const std::string& mapping) {
+    std::string e = entry("phaco", 1);
+    e = with(e, "force_scale: 1", "force_scale: 1, origin: [0, 0, 1]" + mapping);
+    e.insert(e.size() - 2, ", incision: {" + ring + "}");
+    return tissue + "instruments:\n" + e;
+  };
+  const std::string at = "at: [0, 0, 3], ", rest = "slack: 0.001, stiffness: 500";
+  const Scene scene = read(with_ring(at + rest + ", friction: 0.2", ""));
+  const Incision& ring = scene.first().shape.incision;
+  EXPECT_EQ(ring.at, Vec3(0, 0, 3));
+  EXPECT_EQ(ring.axis, Vec3::UnitZ());
+  EXPECT_EQ(ring.slack, 0.001);
+  EXPECT_EQ(ring.stiffness, 500);
+  EXPECT_EQ(ring.friction, 0.2);
+  EXPECT_NE(describe(scene).find("slack 1000 um, 500 N/m, friction 0.2"), std::string::npos)
+      << describe(scene);
+  EXPECT_EQ(read(with_ring(at + "axis: [0, 2, 0], " + rest, "")).first().shape.incision.axis, Vec3::UnitY());
+  EXPECT_EQ(read(tissue + "instruments:\n" + entry("phaco", 1)).first().shape.incision.stiffness, 0);
+  const std::string pivot = ", pivot: {point: [0, 0.0005, 3]}";
+  EXPECT_TRUE(read(with_ring(at + rest, pivot)).first().device.pivot);
+  const auto fault = [&](const std::string& text, const std::string& key, const std::string& says) {
+    expect_fault_in(text, "phaco", "phaco", "instruments[0].incision." + key, says);
+  };
+  fault(with_ring("at: [0, 0, 1], " + rest, ""), "at", "mapping.origin");
+  fault(with_ring(at + "axis: [0, 0, 0], " + rest, ""), "axis", "is zero");
+  fault(with_ring(at + "slack: 0, stiffness: 500", ""), "slack", "metres");
+  fault(with_ring(at + "slack: 0.001", ""), "stiffness", "missing");
+  fault(with_ring(at + "slack: 0.001, stiffness: 0", ""), "stiffness", "newtons per metre");
+  fault(with_ring(at + rest + ", friction: 3", ""), "friction", "Coulomb");
+  fault(with_ring(at + "slack: 0.0001, stiffness: 500", pivot), "at", "farther than slack");
+  fault(with_ring(at + rest + ", play: 1", ""), "play", "unknown");
+}
+
 }  // namespace
 }  // namespace hapticd
