@@ -28,8 +28,9 @@ Json operation_json(const hapticd_msg_SceneOperation& m) {
                           {"flow_ml_per_min", real(6e7 * h.flow, 1)},
                           {"fluid_ml", real(1e6 * h.fluid, 2)},
                           {"occluded_s", real(h.occluded, 1)},
-                          {"incision_force_n", real(h.incision_force, 4)},
-                          {"incision_stretch_mm", real(1e3 * h.incision_stretch, 3)}});
+                          {"incision",
+                           {{"sim_force_most_n", real(h.incision_force, 5)},
+                            {"stretch_most_m", real(h.incision_stretch, 7)}}}});
   }
   for (std::uint32_t i = 0; i < m.bodies._length; ++i) {
     const hapticd_msg_BodyOperation& b = m.bodies._buffer[i];
