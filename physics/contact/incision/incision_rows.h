@@ -8,7 +8,7 @@
 // the massless proxy enters as in every row, J K_eff⁻¹ Jᵀ, the ring as 1/k on the row's own diagonal. A row
 // exists while the tip is below the ring's plane. play: the slack; of a shaft that was farther out when it
 // came below the plane or was armed there, as far as it has been since at least, never growing: the ring
-// closes behind it and gives it no energy.
+// closes behind it and gives it no energy. With friction all contacts of the problem have three rows.
 // Units: m, N. Guarantee: wait-free, no allocation. Source: DESIGN §13; Coulomb's law as in rows.h.
 #pragma once
 

@@ -99,8 +99,8 @@ TEST_F(CaptureFile, RoundTripGivesTheSameBytesAndTheSameForce) {
 }
 
 // A file of version 7 without the number of instruments, their incisions, the friction between them, who is
-// present and who is outside, the edge samples, and of each remembered contact primitive, instrument (an i32 each), the other's
-// anchor and the advance, is one of version 1.
+// present and who is outside, the edge samples, and of each remembered contact primitive, instrument (an i32
+// each), the other's anchor and the advance, is one of version 1.
 TEST_F(CaptureFile, Version1IsReadWithPrimitive0) {
   const auto captured = pressed(Renewal::renewed);
   const ContactMemory& memory = captured->capture.state.memory;
