@@ -9,7 +9,8 @@ list(APPEND reader_sources ${SERVER}/mesh/foreign_format.cpp ${SERVER}/mesh/mesh
      ${SERVER}/record/trajectory.cpp ${SERVER}/record/trajectory_reader.cpp
      ${SERVER}/record/bag_reader.cpp ${SERVER}/record/ros2_messages.cpp
      ${PHYSICS}/tissue/surface.cpp ${PHYSICS}/tissue/mesh_quality.cpp)
-file(GLOB tick_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/haptic/*.cpp ${PHYSICS}/contact/*.cpp
+file(GLOB tick_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/haptic/*.cpp
+     ${PROJECT_SOURCE_DIR}/haptic/contact/*.cpp ${PHYSICS}/contact/*.cpp
      ${PHYSICS}/contact/cutting/*.cpp ${PHYSICS}/contact/distance/*.cpp
      ${PHYSICS}/contact/incision/*.cpp ${PHYSICS}/contact/solver/*.cpp)
 # The kernels for any processor alone.
