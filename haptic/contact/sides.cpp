@@ -12,7 +12,7 @@ namespace {
 constexpr double apart = 0.25;  // of the places that are looked at on the way [alarm distances]
 constexpr int most_places = 8;
 
-// A way shorter than twice as deep cannot.
+// One that comes out again is at least twice as long as it is deep; of what ends inside, what is as far in.
 bool leads_through(const PlacedInstrument& placed, const Vec3& from, const Vec3& to, double reach) noexcept {
   const double deep = shallow * reach, length = (to - from).norm();
   if (length < 2 * deep || !placed.near(from, reach)) return false;

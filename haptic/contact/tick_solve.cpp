@@ -148,7 +148,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
   if (&now == &s.patch.problem && any_port(instruments)) draw(instruments, X, T, s);
   // A problem that an instrument has outrun is met where it was made, and on the way from there.
-  if (problem.step != s.step && s.contact.memory.count == 0 && contact.margin > 0) {
+  if (problem.step != s.step && !s.contact.memory.knows_tissue() && contact.margin > 0) {
     const InstrumentPoses from = made_at(problem, X);
     const EachInstrument<Vec6> way = difference(X, from);
     const double parts = std::min(longest(way) / contact.margin, most_parts);

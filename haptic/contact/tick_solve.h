@@ -2,8 +2,11 @@
 //
 // Where elements went since the last tick, the last problem is pressed on until the instant of publication,
 // and the new one from there. A problem that an instrument has outrun is met where it was made, and on the
-// way from there. A problem, its free motion or a solution that is no number is no contact, and is said.
-// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by the contact solve's bound.
+// way from there. Each loop carries its own contact from problem to problem, and a sample may slip by between
+// two others: where a new problem has tissue on another side of an instrument (sides.h), the simulation has
+// the word, and the instrument meets the patch anew, as it was published. A problem, its free motion or a
+// solution that is no number is no contact, and is said.
+// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by 14 contact solves.
 #pragma once
 
 #include "haptic/haptic_step.h"

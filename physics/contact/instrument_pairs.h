@@ -37,7 +37,7 @@ class InstrumentPairs {
   int count_ = 0;
 };
 
-// Of a pair, not of a sample.
+// Of a pair, or of an instrument and its ring (incision_rows.h); not of a sample.
 constexpr bool is_pair(std::uint64_t id) noexcept { return id >> 56 == 0xff; }
 
 }  // namespace hapticd

@@ -99,6 +99,10 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
   apply_compliance(problem, f, x);
 }
 
+bool ContactMemory::knows_tissue() const noexcept {
+  return std::any_of(entry.begin(), entry.begin() + count, [](const Entry& e) { return !is_pair(e.id); });
+}
+
 Vec3 ContactMemory::force_on(std::uint64_t id) const noexcept {
   Vec3 force = Vec3::Zero();
   const auto begin = entry.begin(), end = begin + count;
@@ -116,7 +120,7 @@ bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexc
 void displaced_patch(const CondensedProblem& problem, const ContactMemory& memory,
                      PatchPositions& x) noexcept {
   // Nor is anything known of who has met no force yet, while others may long hold the tissue down there.
-  if (memory.count == 0 || forgets(problem, memory)) {
+  if (!memory.knows_tissue() || forgets(problem, memory)) {
     std::copy_n(problem.x_now.begin(), problem.nodes, x.begin());
     return;
   }

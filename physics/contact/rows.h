@@ -88,6 +88,8 @@ struct ContactMemory {
   const Entry* find(std::uint64_t id, int instrument, int primitive) const noexcept;
   // The first of the sample and instrument, of whichever primitive.
   const Entry* find(std::uint64_t id, int instrument) const noexcept;
+  // Whether it has any of tissue, and not of instruments and rings alone.
+  bool knows_tissue() const noexcept;
   // Sum over the sample's entries.
   Vec3 force_on(std::uint64_t id) const noexcept;
 };

@@ -3,7 +3,7 @@
 //   sent     C_pp: the mean of both triangles, as √C_ii and C_ij / √(C_ii C_jj), this in 16 bits
 //            positions, normals, weights: from an origin near the patch, in single precision
 //            samples that follow one another on a face share what is the face's
-//   read     only what has the version and counts that belong together, and is sound (haptic/contact/problem_check.h)
+//   read     only what has the version and counts that belong together, and is sound (problem_check.h)
 //
 // A problem of n nodes takes 9 n² + 42 n bytes and about 12 a sample. Units: SI. Thread safety: one thread
 // each. Guarantee: `read_problem` is noexcept and allocates nothing; `PackedProblem` allocates while problems

@@ -7,6 +7,7 @@
 
 #include "physics/contact/contact_solve.h"
 #include "tests/support/bodies.h"
+#include "tests/support/contact_problems.h"
 
 namespace hapticd {
 namespace {
@@ -184,6 +185,19 @@ TEST(Incision, TheStepHoldsTheShaftToo) {
   }
   const double force = 50e-6 / (1 / K + depth * depth / K_r + 1 / k);
   EXPECT_NEAR(-report.contact.wrench[0][0], force, 2e-3 * force);
+}
+
+// Before it has met tissue a tip begins where tissue is, not where it would be if nobody held it.
+TEST(Incision, ARingSaysNothingOfTissue) {
+  const auto problem = spring_problem(100, Vec3::Zero(), 0);
+  problem->x_free[0] = Vec3(0, 0, 1e-3);
+  const auto memory = std::make_unique<ContactMemory>();
+  memory->count = 1;
+  memory->entry[0] = {incision_id(0), Vec3(1e-3, 0, 0), Vec3::Zero(), false};
+  PatchPositions x;
+  displaced_patch(*problem, *memory, x);
+  EXPECT_EQ(x[0], problem->x_now[0]);
+  EXPECT_NE(x[0], problem->x_free[0]);
 }
 
 }  // namespace
