@@ -27,6 +27,9 @@ namespace hapticd {
 
 struct ContactOptions {
   int linearisations = 2;
+  // Later ones are left out once forces, weighted by their size, turn by less in a solve, and gaps are true;
+  // 0: never [rad].
+  double turned = 0;
   // Gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance.
   double margin = 0;
   // Gap below which it becomes a row at once; one between the two when a solve without it would let it

@@ -15,6 +15,8 @@ constexpr int error_sample_every = 25;
 constexpr double haptic_margin = 0.15;  // in alarm distances
 // A hyperstatic patch (contact/README.md) may use them all; its residual is then below 1e-4 already.
 constexpr int haptic_max_sweeps = 50;
+// Forces turned by less are as good as renewed: 0.2 %, and a device's quantum is not much less.
+constexpr double haptic_turned = 2e-3;  // [rad]
 
 bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
 
@@ -76,6 +78,7 @@ std::unique_ptr<World> make_world(const Scene& scene) { return make_world(scene,
 HapticOptions haptic_options(const Scene& scene) {
   HapticOptions options;
   options.contact.linearisations = 2;
+  options.contact.turned = haptic_turned;
   // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
   options.contact.margin = scene.contact == Renewal::frozen ? 0 : haptic_margin * scene.alarm_distance;
   options.contact.coulomb.max_sweeps = haptic_max_sweeps;

@@ -59,6 +59,8 @@ std::vector<DeviceSettings> devices_of(const Scene& scene, bool limits) {
 
 HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
   HapticOptions options = haptic_options(scene);
+  // Who asks for another number gets them all.
+  if (o.linearisations != options.contact.linearisations) options.contact.turned = 0;
   options.contact.linearisations = o.linearisations;
   if (!o.viscous) options.viscous.step = 0;
   if (o.tolerance > 0) options.contact.coulomb.tolerance = o.tolerance;

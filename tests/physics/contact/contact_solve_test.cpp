@@ -114,7 +114,8 @@ TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
     const VecX f = dense_H(*s.problem, loop.scratch->rows).transpose() *
                    Eigen::Map<const VecX>(loop.scratch->lambda.data(), loop.scratch->rows.rows());
     const Vec6 e = difference(X, out.instrument[0]);
-    return 0.5 * f.dot(s.problem->C() * f) + 0.5 * s.problem->instrument[0].coupling.stiffness * e.head<3>().squaredNorm() +
+    return 0.5 * f.dot(s.problem->C() * f) +
+           0.5 * s.problem->instrument[0].coupling.stiffness * e.head<3>().squaredNorm() +
            0.5 * s.problem->instrument[0].coupling.rotational_stiffness * e.tail<3>().squaredNorm();
   };
   const Pose X = Sheet::at(0.3e-3);
@@ -129,6 +130,29 @@ TEST(ContactSolve, WrenchIsTheGradientOfTheStoredEnergy) {
   EXPECT_GT(wrench[2], 1e-3);
   EXPECT_LT((wrench + gradient).head<3>().norm(), 1e-4 * wrench.head<3>().norm());
   EXPECT_LT((wrench + gradient).tail<3>().norm(), 1e-4 * wrench.head<3>().norm() * 2e-3);
+}
+
+// Where nothing turns, one linearisation is as good as two; where much does, it is not left out. Each
+// linearisation has a W of its own.
+TEST(ContactSolve, WhatHardlyTurnsIsNotLinearisedAgain) {
+  for (const double friction : {0.0, 0.3}) {
+    const Sheet s(friction);
+    ContactLoop all, fewer;
+    fewer.options.turned = 2e-3;
+    const auto both = [&](const Pose& X) {
+      const std::uint64_t before = fewer.scratch->matrix_version;
+      const Vec6 expected = all.solve(*s.problem, s.instrument, X).wrench[0];
+      const Vec6 found = fewer.solve(*s.problem, s.instrument, X).wrench[0];
+      EXPECT_LT((found - expected).head<3>().norm(), 2e-3 * expected.head<3>().norm());
+      return fewer.scratch->matrix_version - before;
+    };
+    EXPECT_GE(both(Sheet::at(0.3e-3)), 2u);
+    both(Sheet::at(0.3e-3));
+    std::uint64_t linearisations = 0;
+    for (int tick = 1; tick <= 20; ++tick) linearisations += both(Sheet::at(0.3e-3 + 0.2e-6 * tick));
+    EXPECT_EQ(linearisations, 20u) << "friction " << friction;
+    EXPECT_GE(both(Sheet::at(0.3e-3, 0.4e-3)), 2u);
+  }
 }
 
 // The simulation solves cold, the haptic loop comes from a history: at equal poses the forces are equal.
