@@ -1,6 +1,6 @@
 // One contact solve at the devices' poses: linearise, solve, renew, solve again. Both loops call it.
 //
-//   repeat `linearisations` times:
+//   repeat `linearisations` times, or until forces hardly turn (`turned`):
 //     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
 //   virtual coupling, massless proxy, e = X_device ⊖ X_instrument:  K e + B (e − e_prev)/T + Jᵀλ = 0,
 //     K_eff = K + B/T;  a stiffness of zero means held rigidly (K⁻¹ = 0, no lag)
