@@ -143,16 +143,20 @@ double pumped_work(const Port& port, const DeviceState& d, const DeviceSettings&
   return device.force_scale * d.vacuum * std::numbers::pi * port.radius * port.radius * way.norm();
 }
 
-// What a device's wrench goes through on its way to the hand. changed: the problem, or who is in contact.
-ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool changed,
+// What a device's wrench goes through on its way to the hand. swapped: the problem; changed: its topology, or
+// who is in contact.
+ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool swapped, bool changed,
                      const DeviceSettings& device, const HapticOptions& options, double period,
                      DeviceState& d) noexcept {
   // filter
   if (verdict.render != Render::hold) {
     const bool change = changed || (d.render != Render::zero && d.render != verdict.render);
-    if (change && options.blend_time > 0) start_blend(d.blend, d.rendered);
-    if (d.blend.left > 0) answer.status |= status_blending;
-    wrench = blended(d.blend, wrench, period, options.blend_time);
+    const double time = change                                  ? options.blend_time
+                        : swapped && d.render == verdict.render ? options.swap_time
+                                                                : 0;
+    if (time > 0) start_blend(d.blend, d.rendered, time);
+    if (d.blend.left > 0 && d.blend.time > options.swap_time) answer.status |= status_blending;
+    wrench = blended(d.blend, wrench, period);
   }
   d.render = verdict.render;
   d.rendered = wrench;
@@ -218,7 +222,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
 
   // compute
   bool finite = true, changed = false;
-  const bool removal = problem && problem->step != s.step && problem->topology_changed;
+  const bool swapped = problem && problem->step != s.step, removal = swapped && problem->topology_changed;
   if (contact) {
     finite = solve_tick(*problem, instruments, X, options, input, period, s);
     if (finite && s.solution.status != SolveStatus::solved) ++s.caps;
@@ -259,8 +263,8 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
       answer[i] = not_finite(answer[i], d);
       continue;
     }
-    answer[i] = rendered(wrench, answer[i], verdict[i], render == Render::contact && (removal || changed),
-                         device, options, period, d);
+    answer[i] = rendered(wrench, answer[i], verdict[i], swapped && render == Render::contact,
+                         render == Render::contact && (removal || changed), device, options, period, d);
     renders = renders || d.render != Render::zero;
   }
   if (renders)

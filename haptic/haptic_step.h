@@ -23,7 +23,8 @@ struct HapticOptions {
   WatchdogLimits watchdog;
   ContactOptions contact;
   ViscousOptions viscous;
-  double blend_time = 5e-3;  // [s]; 0: none
+  double blend_time = 5e-3;  // after removals and changes of who is in contact [s]; 0: none
+  double swap_time = 0;      // … after any other new problem
   // Residual (natural map). A solve that ended at its cap or deadline with a larger one is resumed in the
   // next ticks (contact_solve.h), and the wrench goes half-way to the resumed one each tick. Without any
   // progress the last good wrench is held for 10 ms, then fades in 90 ms.

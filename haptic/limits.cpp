@@ -40,14 +40,15 @@ Vec3 ghost_force(const DeviceSettings& d, const Vec3& own, const Vec3& other) no
   return within(pull, d.ghost->max_force, bounded);
 }
 
-void start_blend(Blend& blend, const Wrench& last) noexcept {
+void start_blend(Blend& blend, const Wrench& last, double duration) noexcept {
+  blend.time = duration < blend.time && blend.left > 0 ? blend.left * blend.time : duration;
   blend.from = last;
   blend.left = 1;
 }
 
-Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration) noexcept {
+Wrench blended(Blend& blend, const Wrench& fresh, double period) noexcept {
   if (blend.left <= 0) return fresh;
-  blend.left -= period / (duration + period);
+  blend.left -= period / (blend.time + period);
   if (blend.left < 1e-9) blend.left = 0;
   return fresh + blend.left * (blend.from - fresh);
 }

@@ -34,15 +34,17 @@ Wrench slew_limited(const DeviceSettings& device, const Wrench& last, const Wren
 struct Blend {
   Wrench from;
   double left = 0;  // 1 → 0
+  double time = 0;  // [s]
 };
 
 // From this hand's tip to the other's, both in the scene; zero without a ghost.
 Vec3 ghost_force(const DeviceSettings& device, const Vec3& own, const Vec3& other) noexcept;
 
-// From now on the force goes over from `last`; a blend under way is replaced.
-void start_blend(Blend& blend, const Wrench& last) noexcept;
+// From now on the force goes over from `last`; a blend under way is replaced, and keeps the time that it had
+// left if it was a longer one.
+void start_blend(Blend& blend, const Wrench& last, double duration) noexcept;
 
 // The blended wrench; one period further each call, none left `duration` after the first.
-Wrench blended(Blend& blend, const Wrench& fresh, double period, double duration) noexcept;
+Wrench blended(Blend& blend, const Wrench& fresh, double period) noexcept;
 
 }  // namespace hapticd

@@ -17,6 +17,9 @@ constexpr double haptic_margin = 0.15;  // in alarm distances
 constexpr int haptic_max_sweeps = 50;
 // Forces turned by less are as good as renewed: 0.2 %, and a device's quantum is not much less.
 constexpr double haptic_turned = 2e-3;  // [rad]
+// Where a sample begins or ends to touch, a new problem knows it a tick or two late: a step of a tenth of the
+// peak.
+constexpr double haptic_swap_time = 2e-3;  // [s]
 
 bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
 
@@ -79,6 +82,7 @@ HapticOptions haptic_options(const Scene& scene) {
   HapticOptions options;
   options.contact.linearisations = 2;
   options.contact.turned = haptic_turned;
+  options.swap_time = haptic_swap_time;
   // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
   options.contact.margin = scene.contact == Renewal::frozen ? 0 : haptic_margin * scene.alarm_distance;
   options.contact.coulomb.max_sweeps = haptic_max_sweeps;

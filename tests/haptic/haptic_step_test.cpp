@@ -163,6 +163,19 @@ TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
   EXPECT_EQ(f.status, 0u);
 }
 
+// What a new problem makes of the same pose goes over within swap_time; nothing is said of it.
+TEST_F(HapticStep, AnOrdinarySwapIsSmoothed) {
+  options.swap_time = 2e-3;
+  const double before = settle().force.z();
+  const double sunk = 0.05e-3, after = before - 5 * wall::stiffness * sunk;
+  wall::make(*problem, 2, now, -sunk);
+  for (int i = 0; i < 3; ++i) {
+    const ForceSample f = tick();
+    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - (i + 1) / 3.0), wall::tolerance * before);
+    EXPECT_EQ(f.status, 0u);
+  }
+}
+
 // Damped tissue that loses elements gives way from then on: the tick after has only so long of it.
 TEST_F(HapticStep, AfterARemovalViscosityCountsFromItsPublication) {
   soften();

@@ -98,17 +98,29 @@ TEST(Limits, AnyComponentThatIsNotFiniteIsSeen) {
 TEST(Limits, BlendGoesFromTheForceThatWasInSixEvenSteps) {
   const Wrench before{Vec3(1, 0, 0), Vec3::Zero()}, after{Vec3(0.5, 0, 0), Vec3::Zero()};
   Blend blend;
-  start_blend(blend, before);
+  start_blend(blend, before, 5e-3);
   const double expected[] = {11.0 / 12, 10.0 / 12, 9.0 / 12, 8.0 / 12, 7.0 / 12, 0.5, 0.5};
-  for (double f : expected) EXPECT_NEAR(blended(blend, after, 1e-3, 5e-3).force.x(), f, 1e-12);
+  for (double f : expected) EXPECT_NEAR(blended(blend, after, 1e-3).force.x(), f, 1e-12);
   EXPECT_EQ(blend.left, 0);
 }
 
 TEST(Limits, BlendGoesToTheForceThatIsFreshMeanwhile) {
   Blend blend;
-  start_blend(blend, {Vec3(1, 0, 0), Vec3::Zero()});
-  blended(blend, {}, 1e-3, 5e-3);
-  EXPECT_NEAR(blended(blend, {Vec3(2, 0, 0), Vec3::Zero()}, 1e-3, 5e-3).force.x(), 1 + 2.0 / 6, 1e-12);
+  start_blend(blend, {Vec3(1, 0, 0), Vec3::Zero()}, 5e-3);
+  blended(blend, {}, 1e-3);
+  EXPECT_NEAR(blended(blend, {Vec3(2, 0, 0), Vec3::Zero()}, 1e-3).force.x(), 1 + 2.0 / 6, 1e-12);
+}
+
+// A short one that begins in a long one does not cut it short: half of 5 ms is longer than 2.
+TEST(Limits, AShorterBlendKeepsTheTimeOfTheOneUnderWay) {
+  Blend blend;
+  start_blend(blend, {Vec3(1, 0, 0), Vec3::Zero()}, 5e-3);
+  Wrench last;
+  for (int i = 0; i < 3; ++i) last = blended(blend, {}, 1e-3);
+  EXPECT_NEAR(last.force.x(), 0.5, 1e-12);
+  start_blend(blend, last, 2e-3);
+  EXPECT_NEAR(blend.time, 2.5e-3, 1e-12);
+  EXPECT_NEAR(blended(blend, {}, 1e-3).force.x(), 0.5 * (1 - 1 / 3.5), 1e-12);
 }
 
 }  // namespace
