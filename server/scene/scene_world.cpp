@@ -17,8 +17,8 @@ constexpr double haptic_margin = 0.15;  // in alarm distances
 constexpr int haptic_max_sweeps = 50;
 // Forces turned by less are as good as renewed: 0.2 %, and a device's quantum is not much less.
 constexpr double haptic_turned = 2e-3;  // [rad]
-// Where a sample begins or ends to touch, a new problem knows it a tick or two late: a step of a tenth of the
-// peak.
+// Where tissue goes by degrees, a new problem knows a tick late which samples touch: a step of a tenth of the
+// peak. Elsewhere it would cost a wall half of its stiffness.
 constexpr double haptic_swap_time = 2e-3;  // [s]
 
 bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
@@ -82,7 +82,8 @@ HapticOptions haptic_options(const Scene& scene) {
   HapticOptions options;
   options.contact.linearisations = 2;
   options.contact.turned = haptic_turned;
-  options.swap_time = haptic_swap_time;
+  for (const SceneInstrument& i : scene.instruments)
+    if (i.removal.gradual) options.swap_time = haptic_swap_time;
   // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
   options.contact.margin = scene.contact == Renewal::frozen ? 0 : haptic_margin * scene.alarm_distance;
   options.contact.coulomb.max_sweeps = haptic_max_sweeps;
