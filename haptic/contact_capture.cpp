@@ -16,6 +16,7 @@ void ContactCaptures::after(const CondensedProblem& problem, const HapticState& 
   last_ = state.tick;
   ContactCapture& c = captures_->back();
   copy_in_use(problem, c.problem);
+  fold_scale(c.problem);
   c.state = before_;
   c.X = state.X;
   c.period = period;

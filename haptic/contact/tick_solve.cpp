@@ -128,6 +128,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   ContactOptions contact = options.contact;
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
+  contact.numbered = true;
   // Tissue gives way from the instant in which elements went; until then what was there before is pressed on.
   double T = period;
   if (problem.topology_changed && problem.step != s.patch.step) {

@@ -6,8 +6,7 @@
 namespace hapticd {
 namespace {
 
-// Arrivals jitter by less, which is not the hand's; C would be scaled anew in each tick.
-constexpr double same_period = 0.05;      // of it
+constexpr double same_period = 0.05;      // of it: arrivals jitter by less, which is not the hand's
 constexpr int body_shift = 56;            // of a sample's id (patch.cpp)
 constexpr double quantum_energy = 10e-6;  // that one reading may be worth [J]
 constexpr double quantum_force = 8;       // … beyond which the lag does not help [N]
@@ -53,15 +52,11 @@ void set_period(double period, ViscousPatch& patch) noexcept {
   CondensedProblem& p = patch.problem;
   double T = period + patch.lag;
   if (std::abs(T - patch.period) <= same_period * patch.period) T = patch.period;
-  if (patch.period != T) {
-    Eigen::Map<MatX> C = p.C();
-    for (int n = 0; n < p.nodes; ++n)
-      C.middleCols<3>(3 * n) *= (1 + patch.relaxation[n] / patch.period) / (1 + patch.relaxation[n] / T);
-    patch.period = T;
-  }
+  patch.period = T;
   patch.share = 1 - patch.lag / T;
   for (int n = 0; n < p.nodes; ++n) {
     const double by_tick = patch.relaxation[n] / T;
+    p.column_scale[n] = (1 + patch.relaxation[n] / patch.published) / (1 + by_tick);
     p.x_free[n] = (patch.equilibrium[n] + by_tick * patch.before[n]) / (1 + by_tick);
   }
 }
@@ -92,9 +87,9 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     patch.before = before;
     patch.relaxation = relaxation;
     patch.step = published.step;
-    patch.period = options.step > 0 ? options.step : period;
+    patch.period = patch.published = options.step > 0 ? options.step : period;
     for (int n = 0; n < published.nodes; ++n) {
-      const double by_step = relaxation[n] / patch.period;
+      const double by_step = relaxation[n] / patch.published;
       patch.equilibrium[n] = (1 + by_step) * published.x_free[n] - by_step * published.x_now[n];
     }
   }
@@ -110,7 +105,7 @@ const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noex
 
 void remember(const PatchPositions& x, ViscousPatch& patch) noexcept {
   if (patch.share == 1) {
-    patch.before = x;
+    std::copy_n(x.begin(), patch.problem.nodes, patch.before.begin());
     return;
   }
   for (int n = 0; n < patch.problem.nodes; ++n) patch.before[n] += patch.share * (x[n] - patch.before[n]);

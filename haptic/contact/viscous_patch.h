@@ -2,7 +2,7 @@
 //
 //   published, step h     A = s_h K,  s_h = 1 + β/h,   x_free = (x_eq + (β/h) x_now) / s_h
 //   here, tick T          A = s_T K,  s_T = 1 + β/T',  T' = T + a
-//                         x_free ← (x_eq + (β/T') x_before) / s_T,  C_pp ← C_pp s_h/s_T
+//                         x_free ← (x_eq + (β/T') x_before) / s_T,  C_pp ← C_pp s_h/s_T (column_scale)
 //   after the solve       x_before ← x_before + (T/T') (x − x_before)
 //
 // β is the stiffness-proportional damping of the node's body (B = βK). x_before is where the patch was after
@@ -10,8 +10,8 @@
 // Euler). A published problem knows only its own step's velocity, so without this the force of tissue that
 // is pushed at constant speed would grow over the step. Mass and αM are left out: at the tick's scale the
 // patch is quasi-static beside its viscosity. At rest both problems are equal. x_before is carried from
-// problem to problem by sample ids; new nodes begin where they are. C_pp is scaled again only where T
-// changes by more than a twentieth; below that the viscous force errs by that share. T > 0.
+// problem to problem by sample ids; new nodes begin where they are. T that changes by less than
+// a twentieth counts as the same: the viscous force errs by that share. T > 0.
 // Units: SI. Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
 #pragma once
 
@@ -37,7 +37,8 @@ double lag_for(double quantum, double stiffness, double relaxation, double perio
 struct ViscousPatch {
   CondensedProblem problem;  // what the tick solves
   std::uint64_t step = 0;    // of the problem it was made from; 0: none, nothing is remembered
-  double period = 0;         // T' that C_pp is of [s]
+  double published = 0;      // h that C_pp is of [s]
+  double period = 0;         // T' [s]
   double lag = 0;            // a [s]
   double share = 1;          // T/T'
   PatchPositions before;

@@ -4,6 +4,11 @@
 
 namespace hapticd {
 
+void fold_scale(CondensedProblem& problem) noexcept {
+  for (int n = 0; n < problem.nodes; ++n) problem.C().middleCols<3>(3 * n) *= problem.column_scale[n];
+  problem.column_scale = all_nodes(1);
+}
+
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept {
   to.step = from.step;
   to.published_ns = from.published_ns;
@@ -22,6 +27,7 @@ void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept {
   std::copy_n(from.sample.begin(), from.samples, to.sample.begin());
   std::copy_n(from.edge.begin(), from.edges, to.edge.begin());
   std::copy_n(from.C_pp.begin(), 9 * from.nodes * from.nodes, to.C_pp.begin());
+  std::copy_n(from.column_scale.begin(), from.nodes, to.column_scale.begin());
 }
 
 }  // namespace hapticd

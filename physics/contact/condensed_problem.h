@@ -61,6 +61,12 @@ struct InstrumentReference {
       Vec6::Zero();  // … and how it moves from where x_now was, if it has one: what it holds goes with it
 };
 
+constexpr std::array<double, max_patch_nodes> all_nodes(double value) noexcept {
+  std::array<double, max_patch_nodes> all{};
+  for (double& of : all) of = value;
+  return all;
+}
+
 struct CondensedProblem {
   std::uint64_t step = 0;         // number of the publication, one to four a simulation step; 0: none yet
   std::int64_t published_ns = 0;  // CLOCK_MONOTONIC at publication, set by the publisher
@@ -78,9 +84,11 @@ struct CondensedProblem {
   std::array<Vec3, max_patch_nodes>
       x_now;                               // at the begin of the step, or where an interim problem begins [m]
   std::array<Vec3, max_patch_nodes> pull;  // of suction, in x_free [N]
-  std::array<PatchSample, max_patch_samples> sample;                            // sorted by id
-  std::array<EdgeSample, max_edge_samples> edge;                                // sorted by id
+  std::array<PatchSample, max_patch_samples> sample;  // sorted by id
+  std::array<EdgeSample, max_edge_samples> edge;      // sorted by id
+  // C_pp and what each node's columns of it are to be taken times: 1, but in a tick's own problem.
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
+  std::array<double, max_patch_nodes> column_scale = all_nodes(1);
 
   Eigen::Map<const MatX> C() const noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
   Eigen::Map<MatX> C() noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
@@ -92,6 +100,9 @@ inline bool is_pulled(const CondensedProblem& problem) noexcept {
     if (!of.load.isZero(0)) return true;
   return false;
 }
+
+// C_pp with its columns' scale in it.
+void fold_scale(CondensedProblem& problem) noexcept;
 
 // The parts of a problem that are in use.
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept;

@@ -18,9 +18,8 @@ bool nearer(const Gap& a, const Gap& b) noexcept { return a.distance < b.distanc
 }  // namespace
 
 GapsInReach::GapsInReach(const PlacedInstrument& instrument, const Vec3& x, double reach) noexcept {
-  if (!instrument.near(x, reach)) return;
   for (std::size_t k = 0; k < instrument.primitives(); ++k) {
-    if (instrument.primitives() > 1 && !instrument.near(k, x, reach)) continue;
+    if (!instrument.near(k, x, reach)) continue;
     const Gap gap = instrument.gap(k, x);
     if (gap.distance < reach) add(gap);
   }

@@ -106,7 +106,7 @@ void remember_solve(const CondensedProblem& problem, const InstrumentPoses& X_li
 // options.turned, weighted by their size; no gap is off by more than `still`; no sample without a row is
 // inside. Of a blade's edge that is not asked: it goes on.
 bool holds_good(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_lin,
-                const ContactOptions& options, const ContactScratch& scratch,
+                const ContactOptions& options, ContactScratch& scratch,
                 const InstrumentPoses& X_end) noexcept {
   const ContactRows& rows = scratch.rows;
   if (rows.edges > 0) return false;
@@ -134,8 +134,10 @@ bool holds_good(const CondensedProblem& problem, Instruments instruments, const 
   }
   if (turned > options.turned * sum) return false;
   double lost = 0;
+  const auto in_reach =
+      scratch.in_reach.at(problem, placed, X_end, scratch.x, 0, reach_slack * problem.alarm_distance);
   for (int i = 0; i < instruments.count(); ++i)
-    if (placed.at(i)) deepest_overlap(problem, *placed.at(i), i, rows, scratch.x, lost);
+    if (placed.at(i)) deepest_overlap(problem, *placed.at(i), i, in_reach, rows, scratch.x, lost);
   return lost <= still;
 }
 
@@ -159,7 +161,7 @@ void solve_frozen(const CondensedProblem& problem, Instruments instruments, cons
   if (problem.step == 0 || state.frozen_step != problem.step || scratch.matrix_version == 0 ||
       state.frozen_present.value != start.X_free.present.value) {
     build_rows(problem, instruments, X_ref, X_ref, problem.x_now, start.K_inv, state.memory, margin,
-               scratch.rows, nullptr, options.times, period);
+               scratch.rows, nullptr, options.times, period, nullptr, &scratch.in_reach);
     scratch.on_demand = false;
     ++scratch.matrix_version;
     state.frozen_step = problem.step;
@@ -216,10 +218,10 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   PatchPositions x_lin;
   InstrumentPoses X_lin;
   const auto build = [&](const Reached* reached) {
-    DelassusColumns<3>* const columns = options.whole_W ? nullptr : &scratch.columns;
+    EitherColumns* const columns = options.whole_W ? nullptr : &scratch.columns;
     build_rows(problem, instruments, start.X_free, X_lin, x_lin, start.K_inv, scratch.working, activation,
-               scratch.rows, reached, options.times, period, columns);
-    scratch.on_demand = columns && scratch.rows.rows_per_contact == 3 && scratch.rows.edges == 0;
+               scratch.rows, reached, options.times, period, columns, &scratch.in_reach);
+    scratch.on_demand = columns && scratch.rows.edges == 0;
     ++scratch.matrix_version;
   };
   // False if the solver met no number.
@@ -253,7 +255,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     if (k > 0 && options.turned > 0 && out.status == SolveStatus::solved &&
         holds_good(problem, instruments, X_lin, options, scratch, out.instrument))
       break;
-    x_lin = scratch.x;
+    std::copy_n(scratch.x.begin(), problem.nodes, x_lin.begin());
     X_lin = out.instrument;
     const ContactSolution before = out;
     build(nullptr);
@@ -290,6 +292,7 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
   const CouplingStart start = start_coupling(problem, X_device, period, state.coupling_offset);
   const double margin = options.margin > 0 ? options.margin : problem.alarm_distance;
 
+  scratch.in_reach.keep(options.numbered ? problem.step : 0);
   ContactSolution out;
   if (problem.renewal == Renewal::frozen)
     solve_frozen(problem, instruments, start, margin, period / options.parts, options, state, scratch, out);
@@ -314,11 +317,13 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
     if (X_device.present[i]) out.wrench[i] += problem.instrument[i].load;
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
   const PlacedInstruments placed(instruments, out.instrument);
+  const auto in_reach = scratch.in_reach.at(problem, placed, out.instrument, scratch.x, 0,
+                                            reach_slack * problem.alarm_distance);
   for (int i = 0; i < instruments.count(); ++i) {
     double lost = 0;
     if (placed.at(i))
-      out.penetration = std::max(out.penetration,
-                                 deepest_overlap(problem, *placed.at(i), i, scratch.rows, scratch.x, lost));
+      out.penetration = std::max(out.penetration, deepest_overlap(problem, *placed.at(i), i, in_reach,
+                                                                  scratch.rows, scratch.x, lost));
     out.lost = std::max(out.lost, lost);
     bool& outside = state.memory.outside[i];
     if (!placed.at(i) || problem.renewal == Renewal::frozen)

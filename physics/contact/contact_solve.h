@@ -18,6 +18,7 @@
 // stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 
+#include "physics/contact/candidates/samples_in_reach.h"
 #include "physics/contact/delassus_columns.h"
 #include "physics/contact/rows.h"
 #include "physics/contact/solver/coulomb.h"
@@ -40,6 +41,8 @@ struct ContactOptions {
   // A solve that ended at a cap with a larger residual leaves memory and coupling as they were, unless
   // resumed.
   double usable_residual = std::numeric_limits<double>::infinity();
+  // Problems of one number have the same samples: what is in reach of them is kept from solve to solve.
+  bool numbered = false;
   bool whole_W = false;  // for who reads it in the scratch: else it may lack columns that no force asked for
   Deadline deadline;     // of the whole solve; the linearisations to come have what the first one leaves
   PartTimes* times = nullptr;
@@ -61,7 +64,8 @@ struct ContactScratch {
   std::uint64_t matrix_version = 0;  // counts W's; 0: rows hold none yet
   ContactMemory working;             // λ and anchors between the linearisations of one solve
   ContactMemory kept;                // of the last linearisation that ended usable
-  DelassusColumns<3> columns;
+  SamplesInReach in_reach;
+  EitherColumns columns;
   bool on_demand = false;  // rows.W() is made by `columns`
   LcpWorkspace lcp;
   CoulombWorkspace coulomb;

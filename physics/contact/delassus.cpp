@@ -74,7 +74,8 @@ Mat3 own_compliance(const CondensedProblem& problem, const Sample& s) noexcept {
   const auto C = problem.C();
   for (int a = 0; a < corners; ++a)
     for (int b = 0; b < corners; ++b)
-      G += s.weight[a] * s.weight[b] * C.template block<3, 3>(3 * s.node[a], 3 * s.node[b]);
+      G += s.weight[a] * s.weight[b] * problem.column_scale[s.node[b]] *
+           C.template block<3, 3>(3 * s.node[a], 3 * s.node[b]);
   return G;
 }
 

@@ -95,7 +95,7 @@ class Panel {
     double weight[corners];
     for (int a = 0; a < corners; ++a) {
       C[a] = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[a]) * size;
-      weight[a] = s.weight[a];
+      weight[a] = s.weight[a] * problem.column_scale[s.node[a]];
     }
     const auto fill_node = [&](int n, const auto& at) noexcept {
       Lanes moved[3]{};  // per unit of force along each axis of space
@@ -189,6 +189,12 @@ class DelassusColumns {
   std::array<delassus::Probe<m>, max_contacts> probe_;
   std::array<bool, max_contacts> made_{};
   int count_ = 0;  // of them
+};
+
+// Of rows with one a contact, or three.
+struct EitherColumns {
+  DelassusColumns<1> normal;
+  DelassusColumns<3> whole;
 };
 
 extern template class DelassusColumns<1>;

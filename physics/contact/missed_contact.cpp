@@ -96,12 +96,15 @@ bool is_outside(const CondensedProblem& problem, int instrument, bool before, co
 }
 
 double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
-                       const ContactRows& rows, const PatchPositions& x, double& lost) noexcept {
+                       std::span<const SamplesInReach::Entry> in_reach, const ContactRows& rows,
+                       const PatchPositions& x, double& lost) noexcept {
   double deepest = 0;
   int tissue = rows.contacts;
   while (tissue > 0 && rows.row[tissue - 1].sample < 0) --tissue;
   int row = 0;  // rows are by sample, then instrument, then primitive; those without a sample come last
-  for (int k = 0; k < problem.samples; ++k) {
+  for (const SamplesInReach::Entry& at : in_reach) {
+    if (!at.near(instrument)) continue;
+    const int k = at.sample;
     const Vec3 s = sample_position(problem, x, k);
     const auto before = [&](const ContactRow& r) {
       return r.sample != k ? r.sample < k : r.instrument < instrument;

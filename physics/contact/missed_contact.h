@@ -17,6 +17,7 @@
 // than the quarter.
 #pragma once
 
+#include "physics/contact/candidates/samples_in_reach.h"
 #include "physics/contact/placed_instrument.h"
 #include "physics/contact/rows.h"
 
@@ -55,9 +56,10 @@ bool is_outside(const CondensedProblem& problem, int instrument, bool before, co
                 std::span<const double> lambda, const PatchPositions& x_end, double lost) noexcept;
 
 // Of one instrument at the end of a solve: the deepest true overlap of any sample [m], ≥ 0; `lost` grows to
-// that of the samples that no row holds.
+// that of the samples that no row holds. in_reach: all that can be inside.
 double deepest_overlap(const CondensedProblem& problem, const PlacedInstrument& placed, int instrument,
-                       const ContactRows& rows, const PatchPositions& x_end, double& lost) noexcept;
+                       std::span<const SamplesInReach::Entry> in_reach, const ContactRows& rows,
+                       const PatchPositions& x_end, double& lost) noexcept;
 
 // The longest translation of those that at X have a sample or another instrument within the alarm distance:
 // what the others do, far away, is nothing to a solve. Of one instrument alone it is its own [m].

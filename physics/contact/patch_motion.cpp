@@ -16,12 +16,14 @@ void add_force(const NodeWeights& at, const Vec3& force, NodeForces& f) noexcept
 
 void apply_compliance(const CondensedProblem& problem, const NodeForces& f, PatchPositions& x) noexcept {
   const int size = 3 * problem.nodes;
-  NodeForces u{};
+  NodeForces u;
+  std::fill_n(u.begin(), size, 0.0);
   for (int j = 0; j < size; j += 3) {
     if (f[j] == 0 && f[j + 1] == 0 && f[j + 2] == 0) continue;
     const double* C = problem.C_pp.data() + static_cast<std::ptrdiff_t>(j) * size;
-    for (int i = 0; i < size; ++i)
-      u[i] = u[i] + f[j] * C[i] + f[j + 1] * C[size + i] + f[j + 2] * C[2 * size + i];
+    const double scale = problem.column_scale[j / 3];
+    const double g[3] = {scale * f[j], scale * f[j + 1], scale * f[j + 2]};
+    for (int i = 0; i < size; ++i) u[i] = u[i] + g[0] * C[i] + g[1] * C[size + i] + g[2] * C[2 * size + i];
   }
   for (int a = 0; a < problem.nodes; ++a)
     x[a] = problem.x_free[a] + Vec3(u[3 * a], u[3 * a + 1], u[3 * a + 2]);
@@ -70,6 +72,13 @@ NodeWeights node_weights(const CondensedProblem& problem, const ContactRow& row)
   return {problem.edge[row.edge].node, problem.edge[row.edge].weight};
 }
 
+ContactMemory& ContactMemory::operator=(const ContactMemory& other) noexcept {
+  count = other.count;
+  std::copy_n(other.entry.begin(), count, entry.begin());
+  outside = other.outside;
+  return *this;
+}
+
 const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument) const noexcept {
   const auto end = entry.begin() + count;
   const auto found = std::lower_bound(entry.begin(), end, id, [&](const Entry& e, std::uint64_t key) {
@@ -89,7 +98,8 @@ const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument
 
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, std::span<const double> lambda,
                      PatchPositions& x) noexcept {
-  NodeForces f{};
+  NodeForces f;
+  std::fill_n(f.begin(), 3 * problem.nodes, 0.0);
   for (int i = 0; i < rows.contacts; ++i) {
     Vec3 force = Vec3::Zero();
     for (int c = 0; c < rows.rows_per_contact; ++c)
@@ -124,7 +134,8 @@ void displaced_patch(const CondensedProblem& problem, const ContactMemory& memor
     std::copy_n(problem.x_now.begin(), problem.nodes, x.begin());
     return;
   }
-  NodeForces f{};
+  NodeForces f;
+  std::fill_n(f.begin(), 3 * problem.nodes, 0.0);
   for (int m = 0; m < memory.count; ++m)
     add_force(find_nodes(problem, memory.entry[m].id), memory.entry[m].lambda, f);
   apply_compliance(problem, f, x);

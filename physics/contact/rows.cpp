@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/candidates/samples_in_reach.h"
 #include "physics/contact/contact_pairs.h"
 #include "physics/contact/contact_selection.h"
 #include "physics/contact/cutting/edge_rows.h"
@@ -31,28 +32,13 @@
 namespace hapticd {
 namespace {
 
-bool same_face(const PatchSample& a, const PatchSample& b) noexcept {
-  constexpr int index_bits = 12;  // of a sample's id; the face is above them
-  return a.node == b.node && (a.node[0] >= 0 || a.id >> index_bits == b.id >> index_bits);
-}
-
-// False only where no point of the sample's triangle is within reach; a fixed obstacle's are not known.
-bool face_near(const PatchSample& s, const PlacedInstruments& placed, const PatchPositions& x,
-               double reach) noexcept {
-  if (s.node[0] < 0) return true;
-  const Vec3 &a = x[s.node[0]], &b = x[s.node[1]], &c = x[s.node[2]];
-  const Vec3 centre = (a + b + c) / 3;
-  const double radius = std::sqrt(
-      std::max({(a - centre).squaredNorm(), (b - centre).squaredNorm(), (c - centre).squaredNorm()}));
-  return placed.near(centre, reach + radius);
-}
-
 // Samples and primitives that become rows, by sample index (which is by id), then instrument and primitive;
 // each row with all three, gap and, in its frame's first column, normal. Counts the overlapping ones that did
 // not fit.
 void select(const CondensedProblem& problem, const PlacedInstruments& placed, const InstrumentPoses& X_lin,
             const PatchPositions& x, const EachInstrument<bool>& outside, double margin,
-            const Reached* reached, int capacity, ContactRows& rows) noexcept {
+            const Reached* reached, int capacity, SamplesInReach& in_reach, double slack,
+            ContactRows& rows) noexcept {
   const EachInstrument<Vec6> moved = reached ? difference(reached->X, X_lin) : EachInstrument<Vec6>();
   const double reach = reached ? std::max(margin, problem.alarm_distance) : margin;
   std::array<ContactCandidate, max_patch_samples> candidate;
@@ -67,23 +53,20 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
     rows.row[i].frame.col(0) = gap.normal;
   };
   int count = 0, dropped = 0;
-  std::uint32_t face = 0;
-  bool near = true;
-  Vec3 outward = Vec3::Zero();  // of the face
-  for (int k = 0; k < problem.samples; ++k) {
-    const PatchSample& sample = problem.sample[k];
-    const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
-    if (next) ++face;
-    if (next || k == 0) near = face_near(sample, placed, x, reach);
-    if (!near) continue;
-    if (next || k == 0 || sample.node[0] < 0) outward = sample_outward(problem, x, k);
+  Vec3 outward = Vec3::Zero();   // of the face …
+  std::int64_t outward_of = -1;  // … that it was made for
+  for (const SamplesInReach::Entry& at : in_reach.at(problem, placed, X_lin, x, reach, slack)) {
+    const int k = at.sample;
+    const bool obstacle = problem.sample[k].node[0] < 0;
     const Vec3 s = sample_position(problem, x, k);
     for (int i = 0; i < placed.count(); ++i) {
-      if (!placed.at(i)) continue;
+      if (!placed.at(i) || !at.near(i)) continue;
       for (const Gap& gap : GapsInReach(*placed.at(i), s, reach)) {
         if (!(gap.distance < margin) &&
             !(gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) < 0))
           continue;
+        if (obstacle || outward_of != at.face) outward = sample_outward(problem, x, k);
+        outward_of = at.face;
         if (!may_press(problem, k, gap, outward, outside[i])) continue;
         // Only where samples have several primitives within reach.
         if (count == max_patch_samples) {
@@ -91,7 +74,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
           dropped += keep_deepest(candidate, count);
         }
         if (count < capacity) take(count, k, i, gap);
-        candidate[count++] = {gap.distance, k, face, gap.primitive, i};
+        candidate[count++] = {gap.distance, k, at.face, gap.primitive, i};
       }
     }
   }
@@ -166,12 +149,13 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
                 const InstrumentPoses& X_lin, const PatchPositions& x_lin,
                 const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
                 ContactRows& rows, const Reached* reached, PartTimes* times, double period,
-                DelassusColumns<3>* columns) noexcept {
+                EitherColumns* columns, SamplesInReach* in_reach) noexcept {
   const Within rows_part(times, ContactPart::rows);
+  SamplesInReach of_this_call;
   const InstrumentPairs pairs(instruments, X_lin, problem.alarm_distance);
   select(problem, PlacedInstruments(instruments, X_lin), X_lin, x_lin, memory.outside, margin, reached,
          max_contacts - pairs.count() - count_edges(problem, X_lin) - count_incisions(instruments, X_lin),
-         rows);
+         in_reach ? *in_reach : of_this_call, in_reach ? reach_slack * problem.alarm_distance : 0, rows);
   add_edges(problem, X_free, X_lin, x_lin, memory, period, rows);
   add_pairs(problem, pairs, X_lin, K_inv_diag, rows);
   add_incisions(instruments, X_free, X_lin, memory, rows);
@@ -218,8 +202,10 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
     set_q(rows, i, row.delta_free);
   }
   const Within delassus(times, ContactPart::delassus);
-  if (columns && rows.rows_per_contact == 3 && rows.edges == 0)
-    columns->begin(problem, K_inv_diag, rows);
+  if (columns && rows.edges == 0 && rows.rows_per_contact == 3)
+    columns->whole.begin(problem, K_inv_diag, rows);
+  else if (columns && rows.edges == 0)
+    columns->normal.begin(problem, K_inv_diag, rows);
   else
     assemble_delassus(problem, K_inv_diag, rows);
 }

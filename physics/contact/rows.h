@@ -14,7 +14,7 @@
 // contact_selection.h chooses; overlapping ones that are left out are counted in `dropped`. Friction rows
 // exist only where some μ > 0 or there is an edge. A sample that sticks keeps its anchor in the instrument's
 // frame; a sliding or new one takes its place of the previous solve, or the linearisation's own. Units: δ in
-// m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 80 kB of stack; bounded by
+// m, λ in N, J·twist in m. Guarantee: wait-free, no allocation, under 110 kB of stack; bounded by
 // max_patch_samples × primitives and max_contacts × (patch nodes + max_contacts) 3×3 products. Source: the
 // paper, eq. (2); Saupin, Duriez and Cotin 2008. Departure: DESIGN's wrench sign, see contact_solve.h.
 #pragma once
@@ -28,8 +28,8 @@
 
 namespace hapticd {
 
-template <int m>
-class DelassusColumns;
+struct EitherColumns;
+class SamplesInReach;
 
 struct ContactRow {
   int sample = -1;  // index into the problem's samples; −1: another instrument, a front or a ring is there
@@ -85,6 +85,11 @@ struct ContactMemory {
   std::array<Entry, max_contacts> entry;  // sorted by id, then instrument, then primitive
   EachInstrument<bool> outside;           // tissue presses it from outside (missed_contact.h)
 
+  ContactMemory() = default;
+  ContactMemory(const ContactMemory& other) noexcept { *this = other; }
+  // Entries that there are, and no others.
+  ContactMemory& operator=(const ContactMemory& other) noexcept;
+
   const Entry* find(std::uint64_t id, int instrument, int primitive) const noexcept;
   // The first of the sample and instrument, of whichever primitive.
   const Entry* find(std::uint64_t id, int instrument) const noexcept;
@@ -127,12 +132,14 @@ Mat3 contact_frame(const Vec3& n) noexcept;
 // present; K_inv_diag = diagonal of K_eff⁻¹ (3 translational, 3 rotational) in world axes; samples whose gap
 // at the linearisation is below `margin` become rows; with `reached` those too that an earlier solve of fewer
 // rows, at the same linearisation, took through an instrument (linearised gap there < 0). period: of the
-// solve, for viscous edges [s]. columns: with friction, and without edges, begun instead of making all of W.
+// solve, for viscous edges [s]. columns: without edges, begun instead of making all of W.
+// in_reach: of the problem's samples, kept by the caller.
 void build_rows(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_free,
                 const InstrumentPoses& X_lin, const PatchPositions& x_lin,
                 const EachInstrument<Vec6>& K_inv_diag, const ContactMemory& memory, double margin,
                 ContactRows& rows, const Reached* reached = nullptr, PartTimes* times = nullptr,
-                double period = 0, DelassusColumns<3>* columns = nullptr) noexcept;
+                double period = 0, EitherColumns* columns = nullptr,
+                SamplesInReach* in_reach = nullptr) noexcept;
 
 // q of rows frozen at X_frozen (built with X_free = X_lin = X_frozen) for other free poses:
 // δ_free(X) = δ_free + J (X ⊖ X_frozen). Tangential rows take their slip since the memory's anchors.

@@ -21,7 +21,7 @@ void shift(double s, CondensedProblem& problem) noexcept {
   const auto C = problem.C();
   for (int n = 0; n < problem.nodes; ++n) {
     if (problem.pull[n].isZero(0)) continue;
-    const Vec3 f = s * problem.pull[n];
+    const Vec3 f = s * problem.column_scale[n] * problem.pull[n];
     for (int k = 0; k < problem.nodes; ++k) problem.x_free[k] += C.block<3, 3>(3 * k, 3 * n) * f;
   }
 }

@@ -32,17 +32,6 @@ namespace hapticd {
 constexpr double inside_the_cone = 1 - 1e-6;  // a contact sticks with ‖λ_t‖ / (μ λ_n) below this …
 constexpr double sticking_slip = 1e-6;        // … or with less slip than this, of tr W_ii/3 · ‖λ_i‖
 
-// Who makes W's columns as they are asked for (delassus_columns.h). Before that W has its diagonal's blocks
-// alone.
-struct ColumnsOnDemand {
-  void (*make)(void* maker, int contact) noexcept = nullptr;  // null: all of W is there
-  void* maker = nullptr;
-
-  void ask(int contact) const noexcept {
-    if (make) make(maker, contact);
-  }
-};
-
 struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;

@@ -1,10 +1,11 @@
-// Block pivoting stalls where it cycles, on rigid obstacles, and from a cold start on many more rows than the patch
-// has freedoms. The descent then begins from the warm set and keeps z ≥ 0; it is finite also where W is
+// Block pivoting stalls where it cycles, on rigid obstacles, and from a cold start on many more rows than the
+// patch has freedoms. The descent then begins from the warm set and keeps z ≥ 0; it is finite also where W is
 // rank-deficient. With few active rows a fall is waited for once, because single exchanges cost little.
 //
-// Rounding: the answer, and each solve of the descent, has had one step of iterative refinement. What counts as
-// infeasible is beyond rounding: of w, that of its sums; of z, that of its largest entry, though in W's null space z is
-// known to ε⁻¹ times that only. An entry that is negative by less is open, not cut, or w would move by as much.
+// Rounding: the answer, and each solve of the descent, has had one step of iterative refinement. What counts
+// as infeasible is beyond rounding: of w, that of its sums; of z, that of its largest entry, though in W's
+// null space z is known to ε⁻¹ times that only. An entry that is negative by less is open, not cut, or w
+// would move by as much.
 #include "physics/contact/solver/lcp.h"
 
 #include <algorithm>
@@ -24,8 +25,16 @@ constexpr int few = 24;                   // active rows, whose single exchanges
 class Pivoting {
  public:
   Pivoting(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX>& q, Eigen::Ref<VecX> z,
-           std::span<std::uint8_t> active, LcpWorkspace& ws, double epsilon) noexcept
-      : W_(W), q_(q), z_(z), active_(active), ws_(ws), n_(static_cast<int>(q.size())), epsilon_(epsilon) {
+           std::span<std::uint8_t> active, LcpWorkspace& ws, double epsilon,
+           const ColumnsOnDemand& columns) noexcept
+      : W_(W),
+        q_(q),
+        z_(z),
+        active_(active),
+        ws_(ws),
+        n_(static_cast<int>(q.size())),
+        epsilon_(epsilon),
+        columns_(columns) {
     double largest = 0;
     for (int i = 0; i < n_; ++i) largest = std::max(largest, W_(i, i));
     for (int i = 0; i < n_; ++i) {
@@ -157,6 +166,7 @@ class Pivoting {
 
   void add_column(int j, double zj) noexcept {
     if (zj == 0) return;
+    columns_.ask(j);
     const double* column = W_.data() + static_cast<std::ptrdiff_t>(j) * W_.outerStride();
     for (int i = 0; i < n_; ++i) ws_.w[i] += zj * column[i];
     ws_.w[j] += epsilon_ * ws_.diagonal[j] * zj;
@@ -169,6 +179,7 @@ class Pivoting {
     size_ = 0;
     for (int i = 0; i < n_; ++i)
       if (active_[i]) ws_.index[size_++] = i;
+    for (int j = 0; j < size_; ++j) columns_.ask(ws_.index[j]);
     const int ld = padded(size_);
     for (int j = 0; j < size_; ++j) {
       double* out = ws_.factor.data() + static_cast<std::ptrdiff_t>(j) * ld;
@@ -190,6 +201,7 @@ class Pivoting {
   LcpWorkspace& ws_;
   int n_;
   double epsilon_;
+  const ColumnsOnDemand& columns_;
   double q_scale_ = 0;
   int size_ = 0;
   bool rigid_ = false;
@@ -306,10 +318,11 @@ LcpResult solve_lcp(const Eigen::Ref<const MatX>& W, const Eigen::Ref<const VecX
     return result;
   };
   if (q.size() > workspace.capacity) return refuse(SolveStatus::too_large);
-  if (!q.allFinite() || !all_finite(W, matrix_version, workspace.finite_version))
-    return refuse(SolveStatus::not_finite);
+  const bool finite = options.columns.make ? W.diagonal().allFinite()
+                                           : all_finite(W, matrix_version, workspace.finite_version);
+  if (!q.allFinite() || !finite) return refuse(SolveStatus::not_finite);
 
-  Pivoting pivoting(W, q, z, active, workspace, options.relative_diagonal);
+  Pivoting pivoting(W, q, z, active, workspace, options.relative_diagonal, options.columns);
   if (pivoting.rigid()) {
     const bool feasible = q.size() == 0 || q.minCoeff() >= 0;
     result.residual = feasible ? 0 : 1;

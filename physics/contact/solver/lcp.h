@@ -3,16 +3,16 @@
 //   w = (W + ε D) z + q,   0 ≤ w ⟂ z ≥ 0,   D = diag(W),  ε = relative_diagonal
 //
 // Block pivoting (Júdice and Pires 1994) exchanges all infeasible indices while their number falls, at most
-// `patience` times without a fall. Where that stalls, single exchanges lower ½ zᵀ(W + εD)z + qᵀz each time, which
-// is finite because W + εD is positive definite (Lawson and Hanson 1974, ch. 23). Departure: not Murty's
-// least-index rule, which takes more than 1000 pivots on 64 sample points of 20 surface nodes.
-// Warm start: the active set handed in `active`. The Cholesky factor of the active block is cached in the
+// `patience` times without a fall. Where that stalls, single exchanges lower ½ zᵀ(W + εD)z + qᵀz each time,
+// which is finite because W + εD is positive definite (Lawson and Hanson 1974, ch. 23). Departure: not
+// Murty's least-index rule, which takes more than 1000 pivots on 64 sample points of 20 surface nodes. Warm
+// start: the active set handed in `active`. The Cholesky factor of the active block is cached in the
 // workspace while neither W (by `matrix_version`) nor the set changes.
-// Units: W [m/N], q [m], z [N]. z is never negative; entries with W_ii = 0 that W couples to nothing stay at zero.
-// Errors: a status, never an exception, and of the z returned: with `iteration_cap` z is the last feasible
-// iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite` (NaN or infinity
-// in W, q or w) and `too_large` (more rows than the workspace was made for) it is zero. Guarantee: no allocation,
-// wait-free, bounded by 2 max_pivots factorisations of active³/3 flops.
+// Units: W [m/N], q [m], z [N]. z is never negative; entries with W_ii = 0 that W couples to nothing stay at
+// zero. Errors: a status, never an exception, and of the z returned: with `iteration_cap` z is the last
+// feasible iterate, with `deadline` that or the last one with its negative entries cut, with `not_finite`
+// (NaN or infinity in W, q or w) and `too_large` (more rows than the workspace was made for) it is zero.
+// Guarantee: no allocation, wait-free, bounded by 2 max_pivots factorisations of active³/3 flops.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +31,17 @@ enum class SolveStatus : std::uint8_t { solved, iteration_cap, deadline, not_fin
 // remembers.
 bool all_finite(const Eigen::Ref<const MatX>& W, std::uint64_t version, std::uint64_t& known) noexcept;
 
+// Who makes W's columns as they are asked for (delassus_columns.h). Before that W has its diagonal's blocks
+// alone.
+struct ColumnsOnDemand {
+  void (*make)(void* maker, int contact) noexcept = nullptr;  // null: all of W is there
+  void* maker = nullptr;
+
+  void ask(int contact) const noexcept {
+    if (make) make(maker, contact);
+  }
+};
+
 struct LcpOptions {
   double tolerance = 1e-8;  // on the residual: above it, as where W is indefinite, nothing is `solved`
   double relative_diagonal = 1e-9;
@@ -38,6 +49,7 @@ struct LcpOptions {
   int patience_with_few = 1;  // … with at most 24 active rows
   int max_pivots = 1000;      // of either kind
   Deadline deadline;          // looked at before each pivot
+  ColumnsOnDemand columns;    // a contact is a row
 };
 
 struct LcpResult {

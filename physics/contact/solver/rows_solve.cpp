@@ -23,9 +23,11 @@ constexpr int sweeps_in_a_turn = 2;  // more, and the solver would try from zero
 // Makes W's columns where they are not all there.
 ColumnsOnDemand columns_of(ContactScratch& scratch) noexcept {
   if (!scratch.on_demand) return {};
-  return {
-      [](void* columns, int contact) noexcept { static_cast<DelassusColumns<3>*>(columns)->make(contact); },
-      &scratch.columns};
+  if (scratch.rows.rows_per_contact == 1)
+    return {[](void* to, int contact) noexcept { static_cast<DelassusColumns<1>*>(to)->make(contact); },
+            &scratch.columns.normal};
+  return {[](void* to, int contact) noexcept { static_cast<DelassusColumns<3>*>(to)->make(contact); },
+          &scratch.columns.whole};
 }
 
 // Normal forces, for the friction there is, of contacts that press or penetrate; friction stays in its cone.
@@ -138,6 +140,7 @@ void solve_rows(const ContactOptions& options, int resumed, ContactScratch& scra
   if (rows.rows_per_contact == 1) {
     LcpOptions lcp = options.lcp;
     lcp.deadline = options.deadline;
+    lcp.columns = columns_of(scratch);
     const auto contacts = static_cast<std::size_t>(rows.contacts);
     Eigen::Map<VecX> lambda(scratch.lambda.data(), rows.rows());
     const LcpResult r = solve_lcp(rows.W(), rows.q(), lambda, {scratch.active.data(), contacts}, scratch.lcp,

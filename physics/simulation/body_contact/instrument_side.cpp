@@ -41,8 +41,9 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
   ContactRows& rows = scratch_.rows;
   const auto build = [&](double margin) {
     build_rows(problem_, instruments_, start_.X_free, X_, scratch_.x, start_.K_inv, working_, margin, rows,
-               nullptr, nullptr, period_);
+               nullptr, nullptr, period_, nullptr, &scratch_.in_reach);
   };
+  scratch_.in_reach.keep(0);
   build(margin_);
   // A choice among too many changes from round to round; what is near enough to matter is not too many.
   for (; !frozen_ && rows.contacts == max_contacts && margin_ > least_margin; margin_ *= 0.5)

@@ -82,40 +82,51 @@ TEST(Rows, DelassusIsHCHtPlusJKJt) {
 }
 
 // Columns asked for in any order are those of the whole; before that the own blocks are there, and no other.
+template <int m>
+void columns_on_demand(Scene& s, DelassusColumns<m> EitherColumns::*of, Random& random) {
+  const auto build = [&](EitherColumns* columns) {
+    build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3,
+               *s.rows, nullptr, nullptr, 0, columns);
+  };
+  build(nullptr);
+  ASSERT_EQ(s.rows->rows_per_contact, m);
+  const MatX whole = s.rows->W();
+  const int n = s.rows->contacts;
+  const double rounding = 1e-13 * whole.norm();
+  s.rows->W().setConstant(1e300);
+  const auto both = std::make_unique<EitherColumns>();
+  build(both.get());
+  DelassusColumns<m>& columns = (*both).*of;
+  std::vector<int> order(static_cast<std::size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  std::shuffle(order.begin(), order.end(), random);
+  order.resize(order.size() / 2);
+  for (const int j : order) columns.make(j);
+  const auto block = [&](int i, int j) { return s.rows->W().template block<m, m>(m * i, m * j); };
+  for (int j = 0; j < n; ++j) {
+    const bool asked = std::find(order.begin(), order.end(), j) != order.end();
+    EXPECT_LT((block(j, j) - whole.template block<m, m>(m * j, m * j)).norm(), rounding);
+    if (!asked) continue;
+    EXPECT_LT((s.rows->W().template middleCols<m>(m * j) - whole.template middleCols<m>(m * j)).norm(),
+              rounding);
+    for (const int i : order) EXPECT_EQ(block(i, j), block(j, i).transpose());
+  }
+  columns.make_all();
+  EXPECT_LT((s.rows->W() - whole).norm(), rounding);
+  EXPECT_EQ((s.rows->W() - s.rows->W().transpose()).norm(), 0);
+}
+
 TEST(Rows, ColumnsOnDemandAreThoseOfTheWhole) {
   Random random(5);
-  for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    Scene s = pressed(seed, 0.3);
-    for (int k = 0; k < s.problem->samples; k += 3) s.problem->sample[k].node = {-1, -1, -1};
-    const auto build = [&](DelassusColumns<3>* columns) {
-      build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, 0.5e-3,
-                 *s.rows, nullptr, nullptr, 0, columns);
-    };
-    build(nullptr);
-    const MatX whole = s.rows->W();
-    const int n = s.rows->contacts;
-    const double rounding = 1e-13 * whole.norm();
-    s.rows->W().setConstant(1e300);
-    const auto columns = std::make_unique<DelassusColumns<3>>();
-    build(columns.get());
-    std::vector<int> order(static_cast<std::size_t>(n));
-    std::iota(order.begin(), order.end(), 0);
-    std::shuffle(order.begin(), order.end(), random);
-    order.resize(order.size() / 2);
-    for (const int j : order) columns->make(j);
-    for (int j = 0; j < n; ++j) {
-      const bool asked = std::find(order.begin(), order.end(), j) != order.end();
-      EXPECT_LT((s.rows->W().block<3, 3>(3 * j, 3 * j) - whole.block<3, 3>(3 * j, 3 * j)).norm(), rounding);
-      if (!asked) continue;
-      EXPECT_LT((s.rows->W().middleCols<3>(3 * j) - whole.middleCols<3>(3 * j)).norm(), rounding);
-      for (const int i : order)
-        EXPECT_EQ((s.rows->W().block<3, 3>(3 * i, 3 * j)),
-                  (s.rows->W().block<3, 3>(3 * j, 3 * i).transpose()));
+  for (std::uint64_t seed = 0; seed < 20; ++seed)
+    for (const double friction : {0.0, 0.3}) {
+      Scene s = pressed(seed, friction);
+      for (int k = 0; k < s.problem->samples; k += 3) s.problem->sample[k].node = {-1, -1, -1};
+      if (friction > 0)
+        columns_on_demand<3>(s, &EitherColumns::whole, random);
+      else
+        columns_on_demand<1>(s, &EitherColumns::normal, random);
     }
-    columns->make_all();
-    EXPECT_LT((s.rows->W() - whole).norm(), rounding);
-    EXPECT_EQ((s.rows->W() - s.rows->W().transpose()).norm(), 0);
-  }
 }
 
 TEST(Rows, FixedObstacleHasTheCouplingAndAThousandthMore) {

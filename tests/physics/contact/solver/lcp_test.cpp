@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <limits>
+#include <vector>
 
 #include "tests/support/contact_problems.h"
 
@@ -194,6 +196,42 @@ TEST(Lcp, CachedFactorGivesTheSameAnswerAndIsDroppedWithTheVersion) {
   const MatX W2 = 2 * W;
   solve_lcp(W2, q, z, active, *workspace, 8, {});
   EXPECT_EQ(z, solve(W2, q, {}, active).z);
+}
+
+// Of a matrix that has its diagonal alone, columns are asked for before they are read: z is that of all of
+// it, and contacts that open gaps hold apart are not asked.
+TEST(Lcp, ColumnsOnDemandGiveTheSameAnswer) {
+  struct Maker {
+    const MatX& whole;
+    MatX W;
+    int asked = 0;
+    std::vector<bool> made;
+  };
+  Random random(6);
+  int rows = 0, asked = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const int n = 30;
+    const MatX whole = random_psd(random, n, n + 3);
+    const VecX q = random_q(random, n) + VecX::Constant(n, 1.0);
+    Maker maker{whole, MatX::Constant(n, n, std::numeric_limits<double>::quiet_NaN()), 0,
+                std::vector<bool>(static_cast<std::size_t>(n))};
+    maker.W.diagonal() = whole.diagonal();
+    LcpOptions options;
+    options.columns = {[](void* to, int j) noexcept {
+                         auto& m = *static_cast<Maker*>(to);
+                         if (m.made[static_cast<std::size_t>(j)]) return;
+                         m.made[static_cast<std::size_t>(j)] = true;
+                         m.W.col(j) = m.whole.col(j);
+                         ++m.asked;
+                       },
+                       &maker};
+    const Solved s = solve(maker.W, q, options);
+    EXPECT_EQ(s.result.status, SolveStatus::solved);
+    EXPECT_EQ(s.z, solve(whole, q).z);
+    rows += n;
+    asked += maker.asked;
+  }
+  EXPECT_LT(asked, 0.8 * rows);
 }
 
 // Rigid obstacle: only the coupling's six freedoms move the rows.
