@@ -21,6 +21,7 @@ namespace {
 constexpr std::int64_t silence_ns = 500'000'000;
 constexpr std::int64_t listens_first_ns = 500'000'000;
 constexpr std::int64_t wakeup_period_ns = 1'000'000;  // the loop's
+constexpr std::int64_t looks_again_ns = 1'000'000;    // who is still there, where nothing comes
 
 dds_topic_filter state_filter(dds_topic_filter_sample_sampleinfo_arg_fn f, void* self) noexcept {
   dds_topic_filter filter{};
@@ -101,6 +102,7 @@ DdsDevicePort::DdsDevicePort(const Participant& participant, std::uint32_t devic
       others_(participant, device_id, ForceReader::Side::daemon),
       leader_(leader) {
   if (!events) return;
+  heard_of_arrivals_ = true;
   if (leader_) leader_->followers_.push_back(this);
   const std::unique_ptr<dds_listener_t, decltype(&dds_delete_listener)> listener(dds_create_listener(this),
                                                                                  &dds_delete_listener);
@@ -219,10 +221,14 @@ bool DdsDevicePort::admit(dds_instance_handle_t writer, std::int64_t now_ns) noe
 
 bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
   // Before the samples are taken: one that comes in between wakes for nothing, and is not slept over.
-  seen_ = arrivals_.load(std::memory_order_acquire);
+  const std::uint32_t arrivals = arrivals_.load(std::memory_order_acquire);
+  const bool none_came = heard_of_arrivals_ && arrivals == seen_ && now_ns - last_take_ns_ < looks_again_ns;
+  seen_ = arrivals;
   taken_.store(seen_, std::memory_order_relaxed);
   presence_.new_client = false;
   presence_.conflict = stranger_.exchange(false, std::memory_order_relaxed);
+  presence_.rival = others_.stranger(now_ns);
+  if (none_came) return false;
   const dds_instance_handle_t gone = departed();
   const std::int64_t unix_now = dds_time();
   const int n = std::max(reader_.take_into(samples_, infos_), 0);
@@ -251,7 +257,6 @@ bool DdsDevicePort::take(std::int64_t now_ns, DeviceSample& sample) noexcept {
   presence_.connected = pinned_ != 0;
   if (first_take_ns_ == 0) first_take_ns_ = now_ns;
   presence_.settled = now_ns - first_take_ns_ >= listens_first_ns;
-  presence_.rival = others_.stranger(now_ns);
   return taken && presence_.connected;
 }
 

@@ -71,10 +71,11 @@ class DdsDevicePort final : public DevicePort {
   std::array<dds_sample_info_t, batch> infos_{};
   dds_instance_handle_t pinned_ = 0;  // the client's writer; 0: none
   dds_instance_handle_t last_pinned_ = 0;
-  int writers_ = 0;            // matched, of any device id
-  bool alone_ = false;         // the only one since before the last take
-  std::int64_t heard_ns_ = 0;  // from the client
-  std::int64_t last_take_ns_ = 0;
+  int writers_ = 0;                 // matched, of any device id
+  bool alone_ = false;              // the only one since before the last take
+  std::int64_t heard_ns_ = 0;       // from the client
+  std::int64_t last_take_ns_ = 0;   // that looked
+  bool heard_of_arrivals_ = false;  // with `events`: where none came there is nothing to take
   std::int64_t first_take_ns_ = 0;  // 0: none yet
   Presence presence_;
   DdsDevicePort* const leader_;  // null: waited on itself
