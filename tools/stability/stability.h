@@ -36,12 +36,15 @@ struct StiffnessPoint {
   double colgate = 0;  // 2 b/T
 };
 
-// One of two hands in one body, or of one alone there; what a wall displays to it beside it.
+// One of two hands in one body, or of one alone there; what a wall displays to it beside it. A body that
+// moves away is no wall: how it sways and what it makes is looked at, at the tissue's own scale.
 struct TwoHandsPoint {
   std::string body, other;  // what the other does
   int hand = 1;
-  Largest ours, wall;  // along a guide, as the wall
-  Largest free;        // ours without the guide; zero: not measured
+  Largest ours, wall;          // along a guide, as the wall
+  Largest free;                // ours without the guide; zero: not measured
+  bool moves_away = false;     // then, in place of the above:
+  double swing = 0, made = 0;  // of all starts, beyond two quanta [m]; energy [J]
 };
 
 // A link between the daemon's halves, with the tank (haptic/passivity.h) and without: what a hand at random

@@ -89,6 +89,12 @@ bool print(const StabilityChart& chart) {
     all = all && r.faults.empty();
   }
   for (const TwoHandsPoint& p : chart.two_hands) {
+    if (p.moves_away) {
+      std::printf(
+          "two hands: %-14s hand %d, the other %-7s swings %.1f µm, made %.2f µJ at the tissue's scale\n",
+          p.body.c_str(), p.hand, p.other.c_str(), 1e6 * p.swing, 1e6 * p.made);
+      continue;
+    }
     std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f", p.body.c_str(),
                 p.hand, p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(),
                 p.ours.steady / p.wall.steady, p.ours.passive / p.wall.passive);

@@ -169,6 +169,13 @@ nlohmann::ordered_json to_json(const CarveReport& r) {
 }
 
 nlohmann::ordered_json to_json(const TwoHandsPoint& p) {
+  if (p.moves_away)
+    return {{"body", p.body},
+            {"hand", p.hand},
+            {"other", p.other},
+            {"moves_away", true},
+            {"swing_um", rounded(1e6 * p.swing, 3)},
+            {"made_uj", rounded(1e6 * p.made, 4)}};
   nlohmann::ordered_json j = {{"body", p.body},
                               {"hand", p.hand},
                               {"other", p.other},

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "tools/stability/bench/two_hand_renderer.h"
@@ -10,11 +11,12 @@
 namespace hapticd {
 namespace {
 
-constexpr double apart = 10e-3, reaches = 5e-3;     // device frame: 3 mm of it above the cube [m]
-constexpr double comes_at = 0.02, comes_in = 0.15;  // the other, before the first press begins [s]
-constexpr double pushed = 0.75e-3;                  // [m]
+constexpr double apart = 10e-3, reaches = 5e-3;         // device frame: 3 mm of it above the cube [m]
+constexpr double comes_at = 0.02, comes_in = 0.15;      // the other, before the first press begins [s]
+constexpr double pushed = 0.75e-3;                      // [m]
 constexpr double push_time = 0.075, dies_after = 0.05;  // [s]
-constexpr int pushes_a_hold = 2;  // what they leave is gone when swings are looked at, in a hold's second half
+// What they leave is gone when swings are looked at, in a hold's second half.
+constexpr int pushes_a_hold = 2;
 constexpr double least_scale = 1e-6;
 constexpr double half_held = 3e-3;  // of a nearly free body: nodes so near to its axis are held [m]
 constexpr double tissue_scale = 4;  // about 100 N/m displayed, as of mode `delay`
@@ -100,7 +102,17 @@ struct Hands {
     return StabilityBench(one).daemon(force_scale, s);
   }
 
-  Largest largest(const ClosedLoopSettings& s, double factor, int starts) const {
+  // What a body that moves away is judged by, of all starts at the tissue's own scale.
+  void sway(const ClosedLoopSettings& s, const Starts& starts, TwoHandsPoint& p) const {
+    for (int k = 0; k < starts.count; ++k) {
+      const ClosedLoopResult r = press(tissue_scale, begun_at(s, starts, k));
+      const double infinity = std::numeric_limits<double>::infinity();
+      p.swing = std::max(p.swing, r.finite ? r.swing - 2 * s.hand.quantum : infinity);
+      p.made = std::max(p.made, r.finite ? -r.surplus_min : infinity);
+    }
+  }
+
+  Largest largest(const ClosedLoopSettings& s, double factor, const Starts& starts) const {
     ClosedLoopSettings slowly = s;
     slowly.press.speed = 1e-3;
     slowly.press.hold = 0.1;
@@ -117,8 +129,8 @@ struct Hands {
   }
 };
 
-Largest best_wall(const StabilityBench& bench, const ClosedLoopSettings& s, double factor, int starts,
-                  bool quick) {
+Largest best_wall(const StabilityBench& bench, const ClosedLoopSettings& s, double factor,
+                  const Starts& starts, bool quick) {
   Largest best;
   for (const double time : quick ? std::vector<double>{1e-3, 2e-3}
                                  : std::vector<double>{0, 0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3}) {
@@ -136,7 +148,7 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
   ClosedLoopSettings s = bench.press();
   s.let_go = s.guided = true;
   const double factor = std::pow(2, 0.0625);
-  const int starts = quick ? 4 : 16;
+  const Starts starts{quick ? 4 : 16, true};
   struct Row {
     const BodyOfRow* body;
     int hand;
@@ -156,7 +168,8 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
   mode.plan.judged = "swing at rest beyond two quanta [µm], and energy made [µJ]";
   mode.plan.reason =
       "four fifths of an ideal 1 kHz wall on the same device, guided along the press as a wall guides it, by "
-      "swing and by energy, in every row";
+      "swing and by energy, in every row; of a body that moves away no swing and no energy at the tissue's "
+      "own scale";
   mode.plan.last_sound = true;
   const Largest wall = best_wall(bench, s, factor, starts, quick);
   mode.plan.required = 0.8 * wall.steady;
@@ -176,6 +189,13 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
     p.hand = row.hand + 1;
     p.wall = wall;
     const Hands hands{two_hands_scene(bench.scene(), *row.body), row.hand, row.other};
+    p.moves_away = row.body->nearly_free;
+    if (p.moves_away) {
+      hands.sway(s, starts, p);
+      mode.survives = mode.survives && p.swing <= swing_limit && p.made <= made_limit;
+      chart.two_hands.push_back(p);
+      continue;
+    }
     p.ours = hands.largest(s, factor, starts);
     ClosedLoopSettings free = s;
     free.guided = false;

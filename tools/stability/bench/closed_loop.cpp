@@ -103,6 +103,7 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
   const auto ticks = static_cast<std::int64_t>(std::lround((s.arm + second + out) / tick_s));
   HandState hand, turn;
   hand.x = s.press.start;
+  const Vec3 zero = s.encoder_zero * s.press.direction;
   Network network(s);
   ForceDelay delay(s.hand.delay), torque_delay(s.hand.delay);
   double energy = 0, dissipated = 0, waiting = 0;  // waiting: the device's damping of a tick without a force
@@ -112,7 +113,7 @@ ClosedLoopResult run_closed_loop(Renderer& renderer, const ClosedLoopSettings& s
     const std::int64_t ns = 1'000'000 * i;
     DeviceSample sample;
     sample.sequence = static_cast<std::uint64_t>(i) + 1;
-    sample.pose = {quantised(hand.x, s.hand.quantum),
+    sample.pose = {quantised(hand.x - zero, s.hand.quantum) + zero,
                    turned(s.turning ? quantised(turn.x, s.turning->quantum) : turn.x, s.orientation)};
     sample.enable = true;
     sample.buttons = s.buttons ? s.buttons(t) : 0;

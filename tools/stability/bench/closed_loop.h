@@ -30,12 +30,13 @@ namespace hapticd {
 
 struct ClosedLoopSettings {
   HandSettings hand;
-  Press press;                       // its hold is the first; then `deeper`, held as long
-  double deeper = 0.3e-3;            // [m]
+  Press press;              // its hold is the first; then `deeper`, held as long
+  double deeper = 0.3e-3;   // [m]
+  double encoder_zero = 0;  // along the press: it reads whole quanta beside this [m]
   Quat orientation = Quat::Identity();
   bool let_go = false;
   bool guided = false;  // on a linear stage along the press: forces aside are the stage's
-  double arm = 0.2;  // the first pose is held so long before the press [s]
+  double arm = 0.2;     // the first pose is held so long before the press [s]
   int substeps = 10;
   std::optional<HandSettings> turning;
   // Ticks that the state of tick i is on its way; below zero: lost. Empty: none.

@@ -11,7 +11,8 @@ namespace {
 // no quantum or tick divides evenly. Every fourth finds the limit, all of them confirm it: by four
 // alone a wall passed that breaks from twelve of sixteen.
 constexpr int few = 4;
-constexpr double between_starts = 3.1e-6;  // [m]
+constexpr double between_starts = 3.1e-6;       // [m]
+constexpr double between_zeros = 0.6180339887;  // of a quantum: any so many starts are spread over it
 
 // Up by √2 until `breaks`, then by halves until what is sound and what breaks are a factor apart.
 template <class Breaks>
@@ -30,20 +31,26 @@ double last_sound(const Breaks& breaks, double from, double to, double factor) {
 
 }  // namespace
 
+ClosedLoopSettings begun_at(const ClosedLoopSettings& s, const Starts& starts, int k) {
+  ClosedLoopSettings there = s;
+  there.press.start -= k * between_starts * s.press.direction;
+  if (starts.moves_encoder) there.encoder_zero = std::fmod(k * between_zeros, 1.0) * s.hand.quantum;
+  return there;
+}
+
 Largest largest_sound(const std::function<ClosedLoopResult(double, const ClosedLoopSettings&)>& run,
                       const ClosedLoopSettings& s, double from, double to, double factor,
-                      const std::function<double(double, const ClosedLoopResult&)>& displayed, int starts) {
+                      const std::function<double(double, const ClosedLoopResult&)>& displayed,
+                      const Starts& starts) {
   const auto any = [&](double value, const auto& unsound, int every) {
-    for (int k = 0; k < starts; k += every) {
-      ClosedLoopSettings there = s;
-      there.press.start -= k * between_starts * s.press.direction;
-      if (unsound(run(value, there))) return true;
+    for (int k = 0; k < starts.count; k += every) {
+      if (unsound(run(value, begun_at(s, starts, k)))) return true;
     }
     return false;
   };
   const auto limit = [&](const auto& unsound, double least) {
-    double value =
-        last_sound([&](double v) { return any(v, unsound, std::max(1, starts / few)); }, least, to, factor);
+    double value = last_sound([&](double v) { return any(v, unsound, std::max(1, starts.count / few)); },
+                              least, to, factor);
     while (value >= least && any(value, unsound, 1)) value /= factor;
     return value >= least ? value : 0;
   };
