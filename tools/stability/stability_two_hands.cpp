@@ -118,14 +118,19 @@ struct Hands {
     slowly.press.hold = 0.1;
     slowly.hand.quantum = 0;
     slowly.let_go = false;
-    // The other still, where it is there at all in the second hold.
-    const Hands beside{scene, hand,
-                       other == Other::pushes || other == Other::still ? Other::still : Other::alone};
-    const std::vector<ClosedLoopTick> slow = beside.press(least_scale, slowly).ticks;
-    return largest_sound(
-        [&](double f, const ClosedLoopSettings& at) { return press(f, at); }, s, 0.5, 1e4, factor,
-        [&](double f, const ClosedLoopResult& r) { return f * slope_at(slow, least_scale, r.force / f); },
-        starts);
+    // The other still, where it is there at all. Where it dies it is there in the first hold and not in the
+    // second: sound in both, the hand displayed the stiffer of the two.
+    std::vector<std::vector<ClosedLoopTick>> slow;
+    for (const Other there : {Other::alone, Other::still})
+      if (other == Other::dies || (other == Other::alone) == (there == Other::alone))
+        slow.push_back(Hands{scene, hand, there}.press(least_scale, slowly).ticks);
+    const auto displayed = [&](double f, const ClosedLoopResult& r) {
+      double most = 0;
+      for (const auto& ticks : slow) most = std::max(most, f * slope_at(ticks, least_scale, r.force / f));
+      return most;
+    };
+    return largest_sound([&](double f, const ClosedLoopSettings& at) { return press(f, at); }, s, 0.5, 1e4,
+                         factor, displayed, starts);
   }
 };
 
@@ -147,7 +152,7 @@ Largest best_wall(const StabilityBench& bench, const ClosedLoopSettings& s, doub
 bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, const ModeProgress& progress) {
   ClosedLoopSettings s = bench.press();
   s.let_go = s.guided = true;
-  const double factor = std::pow(2, 0.0625);
+  const double factor = std::pow(2, quick ? 0.0625 : 0.03125);
   const Starts starts{quick ? 4 : 16, true};
   struct Row {
     const BodyOfRow* body;
