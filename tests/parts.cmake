@@ -11,6 +11,7 @@ list(APPEND reader_sources ${SERVER}/mesh/foreign_format.cpp ${SERVER}/mesh/mesh
      ${PHYSICS}/tissue/surface.cpp ${PHYSICS}/tissue/mesh_quality.cpp)
 file(GLOB tick_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/haptic/*.cpp
      ${PROJECT_SOURCE_DIR}/haptic/contact/*.cpp ${PHYSICS}/contact/*.cpp
+     ${PHYSICS}/contact/candidates/*.cpp
      ${PHYSICS}/contact/cutting/*.cpp ${PHYSICS}/contact/distance/*.cpp
      ${PHYSICS}/contact/incision/*.cpp ${PHYSICS}/contact/solver/*.cpp)
 # The kernels for any processor alone.
