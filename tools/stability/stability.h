@@ -41,7 +41,8 @@ struct StiffnessPoint {
 struct TwoHandsPoint {
   std::string body, other;  // what the other does
   int hand = 1;
-  Largest ours, wall;          // along a guide, as the wall
+  Largest ours, wall;          // along a guide, as the wall, whose viscosity is the best for it
+  Largest alike;               // a wall as viscous as the tissue
   Largest free;                // ours without the guide; zero: not measured
   bool moves_away = false;     // then, in place of the above:
   double swing = 0, made = 0;  // of all starts, beyond two quanta [m]; energy [J]

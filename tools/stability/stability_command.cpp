@@ -95,11 +95,14 @@ bool print(const StabilityChart& chart) {
           p.body.c_str(), p.hand, p.other.c_str(), 1e6 * p.swing, 1e6 * p.made);
       continue;
     }
-    std::printf("two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall %.2f %.2f", p.body.c_str(),
-                p.hand, p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(),
-                p.ours.steady / p.wall.steady, p.ours.passive / p.wall.passive);
+    std::printf(
+        "two hands: %-14s hand %d, the other %-7s %8s %8s N/m, of a wall as viscous %.2f %.2f, of "
+        "the best %.2f %.2f",
+        p.body.c_str(), p.hand, p.other.c_str(), at(p.ours.steady).c_str(), at(p.ours.passive).c_str(),
+        p.ours.steady / p.alike.steady, p.ours.passive / p.alike.passive, p.ours.steady / p.wall.steady,
+        p.ours.passive / p.wall.passive);
     if (p.free.steady > 0)
-      std::printf("; not guided %.2f %.2f", p.free.steady / p.wall.steady, p.free.passive / p.wall.passive);
+      std::printf("; not guided %.2f %.2f", p.free.steady / p.alike.steady, p.free.passive / p.alike.passive);
     std::printf("\n");
   }
   for (const LinkPoint& p : chart.links) {

@@ -183,6 +183,10 @@ nlohmann::ordered_json to_json(const TwoHandsPoint& p) {
                               {"default_passive_n_m", rounded(p.ours.passive, 1)},
                               {"wall_n_m", rounded(p.wall.steady, 1)},
                               {"wall_passive_n_m", rounded(p.wall.passive, 1)},
+                              {"wall_alike_n_m", rounded(p.alike.steady, 1)},
+                              {"wall_alike_passive_n_m", rounded(p.alike.passive, 1)},
+                              {"over_wall_alike", rounded(p.ours.steady / p.alike.steady, 3)},
+                              {"over_wall_alike_passive", rounded(p.ours.passive / p.alike.passive, 3)},
                               {"over_wall", rounded(p.ours.steady / p.wall.steady, 3)},
                               {"over_wall_passive", rounded(p.ours.passive / p.wall.passive, 3)}};
   if (p.free.steady > 0) {

@@ -109,10 +109,10 @@ bool chart_link(StabilityBench& bench, const StabilitySettings& settings, Stabil
     for (const bool tank : {true, false}) {
       if (settings.quick) break;
       options.passivity_control = tank;
-      (tank ? p.displayed : p.displayed_bare) =
-          largest_sound([&](double f, const ClosedLoopSettings& at) { return bench.daemon(f, at, options); },
-                        press, 0.05, 1e3, std::pow(2, 0.25),
-                        [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); }, {.count = 4});
+      (tank ? p.displayed : p.displayed_bare) = largest_sound(
+          [&](double f, const ClosedLoopSettings& at) { return bench.daemon(f, at, options); }, press, 0.05,
+          1e3, std::pow(2, 0.25), [&](double f, const ClosedLoopResult& r) { return bench.displayed(f, r); },
+          {.count = 4});
       if (!part(tank ? 0.8 : 1, 0)(0)) return false;
     }
     judge(tried[k].delay, p.tanked, p.bare, mode);

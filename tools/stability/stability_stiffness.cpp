@@ -8,8 +8,6 @@ namespace hapticd {
 
 namespace {
 
-constexpr double tissue_viscosity = 2e-3;  // of the cube, stiffness-proportional [s]
-
 Largest best(const Largest& a, const Largest& b) {
   return {std::max(a.steady, b.steady), std::max(a.passive, b.passive)};
 }

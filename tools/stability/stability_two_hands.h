@@ -8,7 +8,9 @@
 // device rigidly, 2 mm deep (`still`); pushes 0.75 mm to and fro at 10 Hz in the first half of each hold
 // (`pushes`); or its client dies in the second hold (`dies`); `alone`: there is no other. Displayed stiffness
 // and judgement are those of largest_stiffness.h, from starts between which the encoder's zero moves, the
-// wall's and each row's alike; where a client dies, what is displayed is the stiffer of the two holds. A
+// wall's and each row's alike; where a client dies, what is displayed is the stiffer of the two holds. Asked
+// are four fifths of a wall as viscous as the tissue: no renderer of it shows more than that wall. The best
+// wall of any viscosity is charted beside. A
 // nearly free body moves away: it is judged at the tissue's own scale. Of a hand beside one that stands still
 // the tissue may give nothing; of one beside one that pushes the energy of both counts, from when the first
 // begins; and where a client dies, from the start. Both devices scale forces alike. Units: SI.

@@ -20,6 +20,8 @@ struct Largest {
 // the scene's own 1 mm, made for 3 mm of depth, the ball would stand on one sample or two [m].
 inline constexpr double light_spacing = 0.7e-3;
 
+inline constexpr double tissue_viscosity = 2e-3;  // of the cube, stiffness-proportional [s]
+
 // Where presses begin. Where a surface lies between two readings of the encoder is chance that no start
 // moves: the stiffest wall of a Touch-like hand is 34 to 51 kN/m by it. With `moves_encoder` the encoder's
 // zero goes through a quantum from start to start, the same for whatever is compared.

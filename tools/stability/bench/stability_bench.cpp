@@ -44,7 +44,7 @@ ClosedLoopResult StabilityBench::held(double force_scale, const ClosedLoopSettin
 double StabilityBench::displayed(double force_scale, const ClosedLoopResult& r) {
   if (slow_.empty()) {
     ClosedLoopSettings s = press_;
-    s.press.speed = 0.5e-3;
+    s.press.speed = slow_press;
     s.press.hold = 0.1;
     s.hand.quantum = 0;
     slow_ = daemon(least_scale, s).ticks;

@@ -38,6 +38,10 @@ class StabilityBench {
   std::vector<ClosedLoopTick> slow_;
 };
 
+// Of a press whose slope is displayed stiffness [m/s]. Within a step of the simulation tissue is stiffer by
+// its mass than from step to step, soft tissue by a sixth: what is looked at must span many steps.
+inline constexpr double slow_press = 0.1e-3;
+
 // Slope of a slow press's force over its depth, by least squares where it is within a quarter of `force`
 // [N/m]; of forces scaled by `scale`, taken out.
 double slope_at(const std::vector<ClosedLoopTick>& slow, double scale, double force);
