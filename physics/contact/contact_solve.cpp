@@ -27,6 +27,7 @@ namespace {
 constexpr double most_pulled_off = 0.1;  // alarm distances
 constexpr double still = 30e-9;          // a gap that is off by that is off by nothing [m]
 constexpr int most_returns = 3;          // to a linearisation whose solve let tissue through
+constexpr int most_more = 3;             // linearisations while a sample ends too deep
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {
   return {scratch.lambda.data(), static_cast<std::size_t>(scratch.rows.rows())};
@@ -141,6 +142,22 @@ bool holds_good(const CondensedProblem& problem, Instruments instruments, const 
   return lost <= still;
 }
 
+// Of any sample, and of those that no row holds; `lost` by instrument.
+void measure_overlap(const CondensedProblem& problem, Instruments instruments, ContactScratch& scratch,
+                     ContactSolution& out, EachInstrument<double>& lost) noexcept {
+  out.penetration = out.lost = 0;
+  lost = {};
+  const PlacedInstruments placed(instruments, out.instrument);
+  const auto in_reach = scratch.in_reach.at(problem, placed, out.instrument, scratch.x, 0,
+                                            reach_slack * problem.alarm_distance);
+  for (int i = 0; i < instruments.count(); ++i) {
+    if (placed.at(i))
+      out.penetration = std::max(out.penetration, deepest_overlap(problem, *placed.at(i), i, in_reach,
+                                                                  scratch.rows, scratch.x, lost[i]));
+    out.lost = std::max(out.lost, lost[i]);
+  }
+}
+
 // Whether it is to be remembered.
 bool serves(const ContactOptions& options, const ContactSolution& out) noexcept {
   return out.near || out.status == SolveStatus::solved || out.residual <= options.usable_residual;
@@ -246,7 +263,17 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   const auto trusted = [&] {
     return out.status == SolveStatus::solved || out.residual <= doubtful * options.usable_residual;
   };
-  for (int k = 0; k < linearisations; ++k) {
+  const auto is_too_deep = [&] {
+    EachInstrument<double> lost;
+    measure_overlap(problem, instruments, scratch, out, lost);
+    return out.penetration > options.too_deep;
+  };
+  for (int k = 0; k < linearisations + most_more; ++k) {
+    const bool more = k >= linearisations;
+    if (more) {
+      if (!(options.too_deep > 0 && usable() && is_too_deep()) || options.deadline.passed()) break;
+      remember(scratch.kept);
+    }
     if (k > 0 && options.deadline.passed()) {
       out.status = SolveStatus::deadline;
       break;
@@ -271,7 +298,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     if (k == 0 && !usable()) break;
     if (k > 0 && !trusted()) {
       // It is left out.
-      const SolveStatus status = out.status;
+      const SolveStatus status = more ? before.status : out.status;
       out = before;
       out.status = status;
       scratch.x = x_lin;
@@ -316,20 +343,14 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
   for (int i = 0; i < max_instruments; ++i)
     if (X_device.present[i]) out.wrench[i] += problem.instrument[i].load;
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
-  const PlacedInstruments placed(instruments, out.instrument);
-  const auto in_reach = scratch.in_reach.at(problem, placed, out.instrument, scratch.x, 0,
-                                            reach_slack * problem.alarm_distance);
+  EachInstrument<double> lost;
+  measure_overlap(problem, instruments, scratch, out, lost);
   for (int i = 0; i < instruments.count(); ++i) {
-    double lost = 0;
-    if (placed.at(i))
-      out.penetration = std::max(out.penetration, deepest_overlap(problem, *placed.at(i), i, in_reach,
-                                                                  scratch.rows, scratch.x, lost));
-    out.lost = std::max(out.lost, lost);
     bool& outside = state.memory.outside[i];
-    if (!placed.at(i) || problem.renewal == Renewal::frozen)
+    if (!X_device.present[i] || problem.renewal == Renewal::frozen)
       outside = false;
     else if (serves(options, out))
-      outside = is_outside(problem, i, outside, scratch.rows, solved(scratch), scratch.x, lost);
+      outside = is_outside(problem, i, outside, scratch.rows, solved(scratch), scratch.x, lost[i]);
   }
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;

@@ -1,6 +1,6 @@
 // One contact solve at the devices' poses: linearise, solve, renew, solve again. Both loops call it.
 //
-//   repeat `linearisations` times, or until forces hardly turn (`turned`):
+//   repeat `linearisations` times, or until forces hardly turn (`turned`), or while a sample is `too_deep`:
 //     rows at (X_lin, x) → λ → x = x_free + C_pp Hᵀ λ,  X_instrument = X_free ⊕ K_eff⁻¹ Jᵀ λ = next X_lin
 //   virtual coupling, massless proxy, e = X_device ⊖ X_instrument:  K e + B (e − e_prev)/T + Jᵀλ = 0,
 //     K_eff = K + B/T;  a stiffness of zero means held rigidly (K⁻¹ = 0, no lag)
@@ -14,8 +14,9 @@
 // that ended unusable is resumed by the next tick (`near`: the wrench is right to some percent). Nothing is
 // linearised about an unusable solve. Units: N, N·m. Errors: by status; after `not_finite` force and memory
 // are zero and the proxy is at the free pose; a linearisation without time is left out, and the status says
-// so. Guarantee: no allocation, wait-free, bounded by 4 linearisations × (rows + solver's bound); 128 kB of
-// stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
+// so. Guarantee: no allocation, wait-free, bounded by 4 (linearisations + 3) × (rows + solver's bound); 128
+// kB of stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng
+// 1998.
 #pragma once
 
 #include "physics/contact/candidates/samples_in_reach.h"
@@ -31,6 +32,8 @@ struct ContactOptions {
   // Later ones are left out once forces, weighted by their size, turn by less in a solve, and gaps are true;
   // 0: never [rad].
   double turned = 0;
+  // … and up to three more follow while a sample ends deeper [m]; 0: none.
+  double too_deep = 0;
   // Gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance.
   double margin = 0;
   // Gap below which it becomes a row at once; one between the two when a solve without it would let it

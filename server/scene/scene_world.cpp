@@ -17,6 +17,8 @@ constexpr double haptic_margin = 0.15;  // in alarm distances
 constexpr int haptic_max_sweeps = 50;
 // Forces turned by less are as good as renewed: 0.2 %, and a device's quantum is not much less.
 constexpr double haptic_turned = 2e-3;  // [rad]
+// Crumbs are flung about faster than two linearisations follow.
+constexpr double haptic_too_deep = 0.025;  // alarm distances
 // Where tissue goes by degrees, a new problem knows a tick late which samples touch: a step of a tenth of the
 // peak. Elsewhere it would cost a wall half of its stiffness.
 constexpr double haptic_swap_time = 2e-3;  // [s]
@@ -82,6 +84,7 @@ HapticOptions haptic_options(const Scene& scene) {
   HapticOptions options;
   options.contact.linearisations = 2;
   options.contact.turned = haptic_turned;
+  options.contact.too_deep = haptic_too_deep * scene.alarm_distance;
   for (const SceneInstrument& i : scene.instruments)
     if (i.removal.gradual) options.swap_time = haptic_swap_time;
   // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
