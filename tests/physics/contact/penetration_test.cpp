@@ -1,6 +1,8 @@
 // The published overlap is that of all samples, not of those that are rows.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/contact_loop.h"
 #include "tests/support/contact_problems.h"
 
@@ -23,8 +25,8 @@ TEST(Penetration, CountsSamplesThatAreNoRows) {
   EXPECT_NEAR(solution.lost, 1.5e-3, 1e-12);
 }
 
-// A thin flap turns over within a step: published facing down, it is now free to lie facing up, each of its three
-// nodes on a spring k. A ball presses it by d at its centroid, whose compliance is 1/3k:
+// A thin flap turns over within a step: published facing down, it is now free to lie facing up, each of its
+// three nodes on a spring k. A ball presses it by d at its centroid, whose compliance is 1/3k:
 //   force = 3 k d,   no overlap.
 // By its published normal the ball is on its inner side, and it is let through.
 TEST(Penetration, AFaceThatHasTurnedSinceItsProblemWasMadeIsHeld) {
@@ -52,6 +54,60 @@ TEST(Penetration, AFaceThatHasTurnedSinceItsProblemWasMadeIsHeld) {
         loop.solve(*problem, sphere_instrument(r), {Vec3(0, 0, r - d), Quat::Identity()});
     EXPECT_NEAR(solution.wrench[0][2], 3 * k * d, 1e-9);
     EXPECT_LT(solution.penetration, 1e-12);
+  }
+}
+
+// A ball put 0.4 mm deep into a sheet that hardly bears: its samples come to lie round the ball, far from
+// where they were linearised. Two linearisations leave some of them inside; with `too_deep` none is deeper.
+TEST(Penetration, IsLinearisedOnWhileASampleIsTooDeep) {
+  constexpr double too_deep = 2e-6;
+  double without = 0, with = 0;
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    Random random(seed);
+    SheetSettings sheet;
+    sheet.nodes = 9;
+    sheet.side = 3e-3;
+    sheet.compliance = 1;
+    sheet.reach = 0.2e-3;
+    const auto problem = sheet_problem(random, sheet);
+    problem->alarm_distance = 0.8e-3;
+    const Pose X{Vec3(uniform(random, -0.3e-3, 0.3e-3), uniform(random, -0.3e-3, 0.3e-3), 0.2e-3),
+                 Quat::Identity()};
+    for (const bool on : {false, true}) {
+      ContactLoop loop;
+      loop.options.too_deep = on ? too_deep : 0;
+      const ContactSolution solution = loop.solve(*problem, sphere_instrument(0.6e-3), X);
+      EXPECT_EQ(solution.status, SolveStatus::solved) << seed;
+      double& deepest = on ? with : without;
+      deepest = std::max(deepest, solution.penetration);
+    }
+  }
+  EXPECT_GT(without, 2 * too_deep);
+  EXPECT_LE(with, too_deep);
+}
+
+// A solve that has one sweep and no more: its friction is anything, but no row that presses is inside.
+TEST(Penetration, WhatEndsUnsolvedIsSolvedAlongItsNormals) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Random random(seed);
+    SheetSettings sheet;
+    sheet.friction = 0.4;
+    const auto problem = sheet_problem(random, sheet);
+    problem->alarm_distance = 0.8e-3;
+    ContactLoop loop;
+    loop.options.linearisations = 1;
+    loop.options.whole_W = true;
+    loop.options.usable_residual = 1e-3;
+    loop.options.coulomb.tolerance = 1e-15;
+    loop.options.coulomb.max_sweeps = loop.options.coulomb.max_newton = 1;
+    const ContactSolution solution =
+        loop.solve(*problem, sphere_instrument(3e-3), {Vec3(0, 0, 2.5e-3), Quat::Identity()});
+    EXPECT_NE(solution.status, SolveStatus::solved) << seed;
+    ASSERT_GT(solution.contacts, 4) << seed;
+    const ContactRows& rows = loop.scratch->rows;
+    const Eigen::Map<const VecX> lambda(loop.scratch->lambda.data(), rows.rows());
+    const VecX delta = rows.W() * lambda + rows.q();
+    for (int i = 0; i < rows.contacts; ++i) EXPECT_GE(delta[3 * i], -1e-10) << seed;
   }
 }
 
