@@ -9,15 +9,17 @@
 #include <map>
 #include <utility>
 
+#include "physics/cutting/opening_energy.h"
 #include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
 namespace {
 
-// c: with it a beam of two arms breaks at 1.06 times beam theory's load with eight elements over an arm
-// (TearingBeam.*), 1.65 with four.
-constexpr double flaw = 10;
-constexpr int fewest_joined = 1;  // faces that a tetrahedron keeps: none comes off alone
+// c: so large that the energy decides from four elements over a beam's arm on (TearingBeam.*).
+constexpr double flaw = 40;
+constexpr int fewest_joined = 1;     // faces that a tetrahedron keeps: none comes off alone
+constexpr int places_in_a_step = 2;  // whose energy is looked at: a few milliseconds
+constexpr double most_growth = 1.5;  // of Σ release until all are looked at again
 
 using EdgeKey = std::uint64_t;
 EdgeKey edge_key(int a, int b) noexcept {
@@ -70,6 +72,100 @@ int faces_joined(const TissueModel& model, const TissueState& state, std::span<c
   return joined;
 }
 
+struct Candidate {
+  double release;
+  int face;
+};
+
+// Those that tension would break, the largest first.
+std::vector<Candidate> stretched_faces(const TissueModel& model, const TissueState& state,
+                                       std::span<const std::uint8_t> held_open,
+                                       const TearSettings& settings) {
+  const auto may_break = [&](int id) {
+    return settings.clefts.empty() || (id < std::ssize(settings.clefts) && settings.clefts[id]);
+  };
+  std::vector<Mat3> stress(model.tets_in_use);
+  for (int t = 0; t < model.tets_in_use; ++t)
+    if (state.alive[t]) stress[t] = turned_stress(model, state, t);
+  std::vector<Candidate> found;
+  for (int t = 0; t < model.tets_in_use; ++t) {
+    if (!state.alive[t]) continue;
+    for (int id = 4 * t; id < 4 * t + 4; ++id) {
+      const int other = model.across[id];
+      if (other < id || held_open[id] || !may_break(id) || !state.alive[other / 4]) continue;
+      const Mat3 mean = 0.5 * (stress[t] + stress[other / 4]);
+      const double released = release(mean, area_vector(model, id), model.elastic[t]);
+      if (released > settings.toughness) found.push_back({released, id});
+    }
+  }
+  std::sort(found.begin(), found.end(), [](const Candidate& l, const Candidate& r) {
+    return l.release != r.release ? l.release > r.release : l.face < r.face;
+  });
+  return found;
+}
+
+// Where a crack may go at once: from the face under the largest tension that is left, at an open edge, on to
+// those that are next to it.
+class Growth {
+ public:
+  Growth(const TissueModel& model, const TissueState& state, std::vector<EdgeKey> open,
+         std::span<const std::uint8_t> held_open, const TearSettings& settings,
+         const std::vector<Candidate>& found)
+      : model_(model),
+        state_(state),
+        open_(std::move(open)),
+        held_open_(held_open),
+        settings_(settings),
+        left_(found) {}
+
+  // `most` faces at most, in the order in which they open; empty: none is left.
+  std::vector<int> next() {
+    std::vector<int> faces, nodes;
+    std::vector<EdgeKey> edges;
+    std::map<int, int> taken;  // faces of a tetrahedron that open with these
+    const auto is_open = [&](const Triangle& n, int k) {
+      const EdgeKey key = edge_key(n[k], n[(k + 1) % 3]);
+      return std::binary_search(open_.begin(), open_.end(), key) ||
+             std::find(edges.begin(), edges.end(), key) != edges.end();
+    };
+    const auto fits = [&](int id) {
+      const Triangle n = outward_face(model_.mesh.tets[id / 4], id % 4);
+      const bool beside = faces.empty() || std::any_of(n.begin(), n.end(), [&](int k) {
+                            return std::find(nodes.begin(), nodes.end(), k) != nodes.end();
+                          });
+      return beside && (is_open(n, 0) || is_open(n, 1) || is_open(n, 2)) && stays_joined(id, taken);
+    };
+    while (static_cast<int>(faces.size()) < settings_.most) {
+      const auto at =
+          std::find_if(left_.begin(), left_.end(), [&](const Candidate& c) { return fits(c.face); });
+      if (at == left_.end()) break;
+      faces.push_back(at->face);
+      ++taken[at->face / 4];
+      ++taken[model_.across[at->face] / 4];
+      const Triangle n = outward_face(model_.mesh.tets[at->face / 4], at->face % 4);
+      nodes.insert(nodes.end(), n.begin(), n.end());
+      for (int k = 0; k < 3; ++k) edges.push_back(edge_key(n[k], n[(k + 1) % 3]));
+      left_.erase(at);
+    }
+    return faces;
+  }
+
+ private:
+  bool stays_joined(int id, std::map<int, int>& taken) const {
+    if (!settings_.clefts.empty()) return true;
+    const int t = id / 4, other = model_.across[id] / 4;
+    return faces_joined(model_, state_, held_open_, t) - taken[t] > fewest_joined &&
+           faces_joined(model_, state_, held_open_, other) - taken[other] > fewest_joined;
+  }
+
+  const TissueModel& model_;
+  const TissueState& state_;
+  const std::vector<EdgeKey> open_;  // sorted
+  const std::span<const std::uint8_t> held_open_;
+  const TearSettings& settings_;
+  std::vector<Candidate> left_;
+};
+
 }  // namespace
 
 double release_of_face(const TissueModel& model, const TissueState& state, int face) {
@@ -79,52 +175,38 @@ double release_of_face(const TissueModel& model, const TissueState& state, int f
 }
 
 std::vector<int> faces_that_break(const TissueModel& model, const TissueState& state,
-                                  const BoundarySurface& surface, std::span<const std::uint8_t> held_open,
-                                  const TearSettings& settings) {
-  std::vector<int> faces;
-  if (!(settings.toughness > 0) || !settings.begins) return faces;
-
-  const auto may_break = [&](int id) {
-    return settings.clefts.empty() || (id < std::ssize(settings.clefts) && settings.clefts[id]);
-  };
-  std::vector<Mat3> stress(model.tets_in_use);
-  for (int t = 0; t < model.tets_in_use; ++t)
-    if (state.alive[t]) stress[t] = turned_stress(model, state, t);
-  std::vector<std::pair<double, int>> found;
-  for (int t = 0; t < model.tets_in_use; ++t) {
-    if (!state.alive[t]) continue;
-    for (int id = 4 * t; id < 4 * t + 4; ++id) {
-      const int other = model.across[id];
-      if (other < id || held_open[id] || !may_break(id) || !state.alive[other / 4]) continue;
-      const Mat3 mean = 0.5 * (stress[t] + stress[other / 4]);
-      const double released = release(mean, area_vector(model, id), model.elastic[t]);
-      if (released > settings.toughness) found.emplace_back(released, id);
+                                  const BoundarySurface& surface, CutWorkspace& work,
+                                  const TearSettings& settings, const VecX& pressed, RefusedBreaks* refused) {
+  if (!(settings.toughness > 0) || !settings.begins) return {};
+  const std::vector<Candidate> found = stretched_faces(model, state, work.held_open, settings);
+  double sum = 0;
+  for (const Candidate& c : found) sum += c.release;
+  if (found.empty() || (refused && sum < refused->until)) return {};
+  Growth growth(model, state, open_edges(model, surface, work.held_open), work.held_open, settings, found);
+  double paid = refused ? refused->paid : 0;
+  for (int place = 0, looked_at = 0;; ++place) {
+    std::vector<int> faces = growth.next();
+    if (faces.empty()) break;
+    if (refused && place < refused->places) continue;
+    if (looked_at++ == places_in_a_step) {
+      if (refused) *refused = {.until = 0, .places = place, .paid = paid};
+      return {};
+    }
+    for (std::size_t n = faces.size(); n > 0; n /= 2) {
+      const bool all_that_may = static_cast<int>(n) == settings.most;
+      faces.resize(n);
+      const OpeningEnergy e = energy_of_opening(model, state, work, faces, pressed, settings.toughness);
+      const double needed = settings.toughness * e.area;
+      if (e.area > 0 ? e.released >= needed : all_that_may) {
+        if (refused) *refused = {};
+        return faces;
+      }
+      if (!(e.area > 0)) break;  // nor do fewer part anything
+      paid = std::max(paid, e.released / needed);
     }
   }
-  if (found.empty()) return faces;
-  const std::vector<EdgeKey> edges = open_edges(model, surface, held_open);
-  std::sort(found.begin(), found.end(), [](const auto& l, const auto& r) {
-    return l.first != r.first ? l.first > r.first : l.second < r.second;
-  });
-  std::map<int, int> taken;  // faces of a tetrahedron that open in this step
-  for (const auto& [released, id] : found) {
-    if (static_cast<int>(faces.size()) >= settings.most) break;
-    const Triangle n = outward_face(model.mesh.tets[id / 4], id % 4);
-    const auto is_open = [&](int k) {
-      return std::binary_search(edges.begin(), edges.end(), edge_key(n[k], n[(k + 1) % 3]));
-    };
-    if (!is_open(0) && !is_open(1) && !is_open(2)) continue;
-    if (settings.clefts.empty()) {
-      const int t = id / 4, other = model.across[id] / 4;
-      if (faces_joined(model, state, held_open, t) - taken[t] <= fewest_joined ||
-          faces_joined(model, state, held_open, other) - taken[other] <= fewest_joined)
-        continue;
-      ++taken[t];
-      ++taken[other];
-    }
-    faces.push_back(id);
-  }
-  return faces;
+  if (refused) *refused = {.until = sum * std::min(most_growth, 1 / std::sqrt(paid)), .places = 0, .paid = 0};
+  return {};
 }
 
 }  // namespace hapticd

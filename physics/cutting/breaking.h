@@ -1,32 +1,42 @@
-// Which faces break: where the tension across a face at the surface would drive a crack of the face's size.
+// Which faces break: where the tension across them would drive a crack of their size, and where opening them
+// releases at least what the new area costs.
 //
-//   c σₙ² l/E' > toughness,   σₙ = n · σ n,   E' = E/(1 − ν²),   l = √area
+//   c σₙ² l/E' > toughness  of each face,   σₙ = n · σ n,   E' = E/(1 − ν²),   l = √area
+//   −ΔΠ ≥ toughness · ΔA    of all that open together, next to one another   (opening_energy.h)
 //
-// Looked at are the inner faces with an edge on the surface, so that a crack begins there and goes on from
-// what opened; σₙ is the mean of the face's two tetrahedra, in their turned frames. Ahead of a sharp crack
-// σₙ² falls as 1/l, so on fine meshes the load at which it runs is the toughness's; c is such that a beam of
-// two arms has the theory's with eight elements over an arm, and coarser ones are too strong. Only tension
-// opens faces. A crack that may choose its faces wanders and leaves crumbs, though a tetrahedron keeps one
-// face joined: where tissue parts along known planes, name their faces (`clefts`). Units: Pa, m, J/m². Pre:
-// the state's rotations are those at x. Errors: none. Cost: a pass over the tetrahedra. Source: Griffith,
-// Phil. Trans. A 221 (1921) 163; departure: the face is the flaw.
+// σₙ is the mean of the face's two tetrahedra, in their turned frames; only tension opens faces. Looked at
+// are inner faces with an edge on the surface or on a face that opens with them, so a crack begins there and
+// goes on from what opened. Where the energy is not there for so many faces, it is looked for of half as
+// many. Where so many part no node yet, they are held open (opening.h) and cost nothing until one does. A
+// crack that may choose its faces wanders and leaves crumbs, though a tetrahedron keeps one face joined:
+// where tissue parts along known planes, name their faces (`clefts`). Units: Pa, m, J/m². Pre: the state's
+// rotations are those at x. Errors: none. Cost: a pass over the tetrahedra, and opening_energy.h's where
+// tension is enough. Source: Griffith 1921; both conditions at once: Leguillon, Eur. J. Mech. A 21 (2002) 61.
 #pragma once
 
-#include <cstdint>
-#include <span>
 #include <vector>
 
+#include "physics/cutting/cut_workspace.h"
 #include "physics/cutting/tearing.h"
 
 namespace hapticd {
 
-// [J/m²] of an inner face, by its id; zero under compression.
+// [J/m²] of an inner face by its tension, by its id; zero under compression.
 double release_of_face(const TissueModel& model, const TissueState& state, int face);
 
-// Ids of the faces that open now, `settings.most` at most, those that would release most first. held_open: of
-// the model's CutWorkspace.
+// Energy grows as tension squared: no need to look again before that has grown by what was missing. One for
+// each body, new when its mesh has changed.
+struct RefusedBreaks {
+  double until = 0;  // Σ release_of_face over the faces under enough tension [J/m²]
+  int places = 0;    // that were looked at, this time round
+  double paid = 0;   // largest part of the energy that was there at one of them
+};
+
+// Ids of the faces that open now: `settings.most` at most, at one place. pressed: forces of contacts on
+// nodes, 3 each [N]; empty: none. refused: null looks at all places in each call.
 std::vector<int> faces_that_break(const TissueModel& model, const TissueState& state,
-                                  const BoundarySurface& surface, std::span<const std::uint8_t> held_open,
-                                  const TearSettings& settings);
+                                  const BoundarySurface& surface, CutWorkspace& work,
+                                  const TearSettings& settings, const VecX& pressed = {},
+                                  RefusedBreaks* refused = nullptr);
 
 }  // namespace hapticd

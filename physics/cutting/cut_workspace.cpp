@@ -1,5 +1,7 @@
 #include "physics/cutting/cut_workspace.h"
 
+#include <algorithm>
+
 namespace hapticd {
 
 CutWorkspace::CutWorkspace(TissueModel& model)
@@ -21,6 +23,39 @@ void sum_star(const TissueModel& model, TissueState& state, CutWorkspace& work, 
   for (const int t : work.other_star) mass += 0.25 * model.elastic[t].density * volume_left(model, state, t);
   state.mass[node] = mass;
   state.live_tets_of_node[node] = static_cast<int>(work.other_star.size());
+}
+
+bool is_inner(const TissueModel& model, const TissueState& state, int face) noexcept {
+  const int other = model.across[face];
+  return other >= 0 && state.alive[face / 4] && state.alive[other / 4];
+}
+
+int label_star(const TissueModel& model, const TissueState& state, CutWorkspace& work, int node) noexcept {
+  work.stars.live(state, node, work.star);
+  int components = 0;
+  for (const int first : work.star) {
+    if (work.label[first] >= 0) continue;
+    work.label[first] = components;
+    work.stack.assign(1, first);
+    while (!work.stack.empty()) {
+      const int t = work.stack.back();
+      work.stack.pop_back();
+      for (int f = 0; f < 4; ++f) {
+        const int id = 4 * t + f;
+        if (model.mesh.tets[t][f] == node || work.held_open[id] || !is_inner(model, state, id)) continue;
+        const int neighbour = model.across[id] / 4;
+        if (work.label[neighbour] >= 0) continue;
+        work.label[neighbour] = components;
+        work.stack.push_back(neighbour);
+      }
+    }
+    ++components;
+  }
+  return components;
+}
+
+void forget_labels(CutWorkspace& work) noexcept {
+  for (const int t : work.star) work.label[t] = -1;
 }
 
 int take_node(TissueModel& model) noexcept { return model.nodes_in_use++; }

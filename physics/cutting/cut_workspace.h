@@ -26,6 +26,14 @@ struct CutWorkspace {
 // Mass and count of live tetrahedra of a node, summed from nothing over its star.
 void sum_star(const TissueModel& model, TissueState& state, CutWorkspace& work, int node) noexcept;
 
+// Both sides of the face are live and not yet apart.
+bool is_inner(const TissueModel& model, const TissueState& state, int face) noexcept;
+
+// Labels the node's star (work.star) by what faces that are not to open connect, in the order of the lowest
+// tetrahedron. Returns how many there are. The labels are to be forgotten before the next call.
+int label_star(const TissueModel& model, const TissueState& state, CutWorkspace& work, int node) noexcept;
+void forget_labels(CutWorkspace& work) noexcept;
+
 // Takes the next spare node into use. Pre: there is one.
 int take_node(TissueModel& model) noexcept;
 

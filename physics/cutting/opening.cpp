@@ -10,41 +10,6 @@ namespace {
 
 bool has(const Tet& tet, int node) noexcept { return std::find(tet.begin(), tet.end(), node) != tet.end(); }
 
-// Both sides are live and not yet apart.
-bool is_inner(const TissueModel& model, const TissueState& state, int face) noexcept {
-  const int other = model.across[face];
-  return other >= 0 && state.alive[face / 4] && state.alive[other / 4];
-}
-
-// Labels the node's star (work.star) by component, in the order of the lowest tetrahedron. Returns how many.
-int label_star(const TissueModel& model, const TissueState& state, CutWorkspace& work, int node) noexcept {
-  work.stars.live(state, node, work.star);
-  int components = 0;
-  for (const int first : work.star) {
-    if (work.label[first] >= 0) continue;
-    work.label[first] = components;
-    work.stack.assign(1, first);
-    while (!work.stack.empty()) {
-      const int t = work.stack.back();
-      work.stack.pop_back();
-      for (int f = 0; f < 4; ++f) {
-        const int id = 4 * t + f;
-        if (model.mesh.tets[t][f] == node || work.held_open[id] || !is_inner(model, state, id)) continue;
-        const int neighbour = model.across[id] / 4;
-        if (work.label[neighbour] >= 0) continue;
-        work.label[neighbour] = components;
-        work.stack.push_back(neighbour);
-      }
-    }
-    ++components;
-  }
-  return components;
-}
-
-void forget_labels(CutWorkspace& work) noexcept {
-  for (const int t : work.star) work.label[t] = -1;
-}
-
 int double_node(TissueModel& model, TissueState& state, int node, TopologyChange& change) noexcept {
   const int twin = take_node(model);
   model.mesh.nodes[twin] = model.mesh.nodes[node];

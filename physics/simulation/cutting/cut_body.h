@@ -6,6 +6,7 @@
 
 #include "physics/contact/instruments.h"
 #include "physics/cutting/blade_cut.h"
+#include "physics/cutting/breaking.h"
 #include "physics/cutting/cut_workspace.h"
 #include "physics/cutting/swept_surface.h"
 #include "physics/cutting/topology_change.h"
@@ -20,6 +21,7 @@ struct CutBody {
   TopologyChange change;  // of this step
   SweptSurface strip;
   std::vector<BladeCut> of_blade;
+  RefusedBreaks refused;
   std::vector<int> cleft_nodes;  // of faces where cracks begin, and every node that came since
   int removed_before = 0;        // tetrahedra, when hinges were last looked for
 };

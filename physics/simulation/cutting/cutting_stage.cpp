@@ -1,6 +1,7 @@
 #include "physics/simulation/cutting/cutting_stage.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "physics/contact/cutting/edge_rows.h"
 #include "physics/cutting/breaking.h"
@@ -83,12 +84,13 @@ std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) 
 // comes apart there as well.
 void CuttingStage::tear(Body& body, CutBody& cut) {
   std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
-  const std::vector<int> begun =
-      faces_that_break(body.model, body.state, body.surface, cut.work.held_open, body.tearing);
+  const bool thinner = std::exchange(cut.removed_before, body.state.removed) != body.state.removed;
+  if (thinner || !cut.change.empty()) cut.refused = {};
+  const std::vector<int> begun = faces_that_break(body.model, body.state, body.surface, cut.work,
+                                                  body.tearing, body.corrected.force, &cut.refused);
   faces.insert(faces.end(), begun.begin(), begun.end());
   if (!faces.empty()) note(open_faces(body.model, body.state, cut.work, faces, cut.change));
-  if (cut.cleft_nodes.empty() || (cut.change.empty() && cut.removed_before == body.state.removed)) return;
-  cut.removed_before = body.state.removed;
+  if (cut.cleft_nodes.empty() || (cut.change.empty() && !thinner)) return;
   note(part_hinges(body.model, body.state, cut.work, cut.cleft_nodes, cut.change));
   for (const int n : cut.change.nodes) cut.cleft_nodes.push_back(n);
 }

@@ -20,9 +20,9 @@ double theory(double crack, double width) {
   return std::sqrt(toughness * young * arm * arm * arm / 12) * width / (crack + 0.64 * arm);
 }
 
-// Which face goes next, what it releases, and where the crack is.
+// Which faces go next, what they release, and where the crack is.
 struct Next {
-  int face = -1;
+  std::vector<int> faces;
   double release = 0, front = 0;
 };
 
@@ -30,7 +30,7 @@ Next next_of_front(const TissueModel& model, const TissueState& state, const Bou
   Next next;
   for (const FrontEdge& f : crack_fronts(model, state, surface, arm / 2))
     if (f.release > next.release)
-      next = {f.face, f.release, 0.5 * (model.mesh.nodes[f.a].x() + model.mesh.nodes[f.b].x())};
+      next = {{f.face}, f.release, 0.5 * (model.mesh.nodes[f.a].x() + model.mesh.nodes[f.b].x())};
   return next;
 }
 
@@ -39,16 +39,31 @@ bool in_middle_plane(const TissueModel& model, const Triangle& face) {
                      [&](int n) { return std::abs(model.mesh.nodes[n].z() - arm) < tiny; });
 }
 
-// The crack stays in the middle plane.
-Next next_of_faces(const TissueModel& model, const TissueState& state, const CutWorkspace& work) {
-  Next next;
+// The largest toughness that breaks something in the middle plane, which is where the crack stays.
+Next next_of_faces(const TissueModel& model, const TissueState& state, const BoundarySurface& surface,
+                   CutWorkspace& work) {
+  TearSettings settings{.begins = true};
+  settings.clefts.assign(4 * model.mesh.tets.size(), 0);
+  double low = 0, high = 0;
   for (int id = 0; id < 4 * model.tets_in_use; ++id) {
-    const Triangle f = outward_face(model.mesh.tets[id / 4], id % 4);
-    if (model.across[id] < id || work.held_open[id] || !in_middle_plane(model, f)) continue;
-    const double release = release_of_face(model, state, id);
-    if (release <= next.release) continue;
-    next = {id, release, length};
-    for (const int n : f) next.front = std::min(next.front, model.mesh.nodes[n].x());
+    if (model.across[id] < 0 || !in_middle_plane(model, outward_face(model.mesh.tets[id / 4], id % 4)))
+      continue;
+    settings.clefts[id] = 1;
+    high = std::max(high, release_of_face(model, state, id));
+  }
+  Next next;
+  while (high - low > 1e-3 * high) {
+    settings.toughness = 0.5 * (low + high);
+    const std::vector<int> faces = faces_that_break(model, state, surface, work, settings);
+    if (faces.empty()) {
+      high = settings.toughness;
+      continue;
+    }
+    low = settings.toughness;
+    next = {faces, low, length};
+    for (const int id : faces)
+      for (const int n : outward_face(model.mesh.tets[id / 4], id % 4))
+        next.front = std::min(next.front, model.mesh.nodes[n].x());
   }
   return next;
 }
@@ -110,14 +125,14 @@ TearingBeam tear_beam(int n, TearRule rule) {
     for (int k = 0; k < model.node_count(); ++k)
       state.x[k] = model.mesh.nodes[k] + small * u.segment<3>(3 * k);
     update_rotations(model, state);
-    const auto [face, release, front] =
-        rule == TearRule::front ? next_of_front(model, state, surface) : next_of_faces(model, state, work);
-    if (face < 0 || front > last_crack) break;
+    const auto [faces, release, front] = rule == TearRule::front ? next_of_front(model, state, surface)
+                                                                 : next_of_faces(model, state, surface, work);
+    if (faces.empty() || front > last_crack) break;
     load_sum += small * std::sqrt(toughness / release);
     theory_sum += theory(front, width);
     ++torn;
     beam.torn = torn;
-    if (!open({face})) break;
+    if (!open(faces)) break;
   }
   if (beam.torn > 0) {
     beam.load_n = load_sum / beam.torn;
