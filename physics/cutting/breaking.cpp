@@ -18,7 +18,8 @@ namespace {
 // c: so large that the energy decides from four elements over a beam's arm on (TearingBeam.*).
 constexpr double flaw = 40;
 constexpr int fewest_joined = 1;     // faces that a tetrahedron keeps: none comes off alone
-constexpr int places_in_a_step = 2;  // whose energy is looked at: a few milliseconds
+constexpr int most_together = 8;     // times TearSettings::most: where no slit is yet, only many faces pay
+constexpr int places_in_a_step = 1;  // whose energy is looked at: a few milliseconds
 constexpr double most_growth = 1.5;  // of Σ release until all are looked at again
 
 using EdgeKey = std::uint64_t;
@@ -108,62 +109,79 @@ std::vector<Candidate> stretched_faces(const TissueModel& model, const TissueSta
 // those that are next to it.
 class Growth {
  public:
-  Growth(const TissueModel& model, const TissueState& state, std::vector<EdgeKey> open,
-         std::span<const std::uint8_t> held_open, const TearSettings& settings,
-         const std::vector<Candidate>& found)
-      : model_(model),
-        state_(state),
-        open_(std::move(open)),
-        held_open_(held_open),
-        settings_(settings),
-        left_(found) {}
+  Growth(const TissueModel& model, const TissueState& state, const std::vector<EdgeKey>& open,
+         std::span<const std::uint8_t> held_open, const TearSettings& settings, std::vector<Candidate> found)
+      : model_(model), state_(state), held_open_(held_open), settings_(settings), found_(std::move(found)) {
+    const int count = static_cast<int>(found_.size());
+    taken_.resize(found_.size(), 0);
+    for (int i = 0; i < count; ++i) {
+      const Triangle n = nodes_of(i);
+      bool at_open_edge = false;
+      for (int k = 0; k < 3; ++k) {
+        at_node_.push_back({n[k], i});
+        at_edge_.push_back({edge_key(n[k], n[(k + 1) % 3]), i});
+        at_open_edge = at_open_edge || std::binary_search(open.begin(), open.end(), at_edge_.back().first);
+      }
+      at_open_edge_.push_back(at_open_edge);
+    }
+    std::sort(at_node_.begin(), at_node_.end());
+    std::sort(at_edge_.begin(), at_edge_.end());
+  }
 
   // `most` faces at most, in the order in which they open; empty: none is left.
-  std::vector<int> next() {
-    std::vector<int> faces, nodes;
-    std::vector<EdgeKey> edges;
-    std::map<int, int> taken;  // faces of a tetrahedron that open with these
-    const auto is_open = [&](const Triangle& n, int k) {
-      const EdgeKey key = edge_key(n[k], n[(k + 1) % 3]);
-      return std::binary_search(open_.begin(), open_.end(), key) ||
-             std::find(edges.begin(), edges.end(), key) != edges.end();
-    };
-    const auto fits = [&](int id) {
-      const Triangle n = outward_face(model_.mesh.tets[id / 4], id % 4);
-      const bool beside = faces.empty() || std::any_of(n.begin(), n.end(), [&](int k) {
-                            return std::find(nodes.begin(), nodes.end(), k) != nodes.end();
-                          });
-      return beside && (is_open(n, 0) || is_open(n, 1) || is_open(n, 2)) && stays_joined(id, taken);
-    };
-    while (static_cast<int>(faces.size()) < settings_.most) {
-      const auto at =
-          std::find_if(left_.begin(), left_.end(), [&](const Candidate& c) { return fits(c.face); });
-      if (at == left_.end()) break;
-      faces.push_back(at->face);
-      ++taken[at->face / 4];
-      ++taken[model_.across[at->face] / 4];
-      const Triangle n = outward_face(model_.mesh.tets[at->face / 4], at->face % 4);
-      nodes.insert(nodes.end(), n.begin(), n.end());
-      for (int k = 0; k < 3; ++k) edges.push_back(edge_key(n[k], n[(k + 1) % 3]));
-      left_.erase(at);
+  std::vector<int> next(int most) {
+    std::vector<int> faces;
+    std::vector<std::uint8_t> beside(found_.size(), 1), open = at_open_edge_;
+    std::map<int, int> parted;  // faces of a tetrahedron that open with these
+    while (static_cast<int>(faces.size()) < most) {
+      std::size_t i = 0;
+      while (i < found_.size() &&
+             (taken_[i] || !open[i] || !beside[i] || !stays_joined(found_[i].face, parted)))
+        ++i;
+      if (i == found_.size()) break;
+      if (faces.empty()) std::fill(beside.begin(), beside.end(), std::uint8_t{0});
+      const int face = found_[i].face;
+      faces.push_back(face);
+      taken_[i] = 1;
+      ++parted[face / 4];
+      ++parted[model_.across[face] / 4];
+      const Triangle n = nodes_of(static_cast<int>(i));
+      for (int k = 0; k < 3; ++k) {
+        mark(at_node_, n[k], beside);
+        mark(at_edge_, edge_key(n[k], n[(k + 1) % 3]), open);
+      }
     }
     return faces;
   }
 
  private:
-  bool stays_joined(int id, std::map<int, int>& taken) const {
+  Triangle nodes_of(int i) const {
+    const int face = found_[static_cast<std::size_t>(i)].face;
+    return outward_face(model_.mesh.tets[face / 4], face % 4);
+  }
+
+  template <class Key>
+  static void mark(const std::vector<std::pair<Key, int>>& at, Key key, std::vector<std::uint8_t>& marks) {
+    for (auto it = std::lower_bound(at.begin(), at.end(), std::pair(key, -1));
+         it != at.end() && it->first == key; ++it)
+      marks[static_cast<std::size_t>(it->second)] = 1;
+  }
+
+  bool stays_joined(int id, std::map<int, int>& parted) const {
     if (!settings_.clefts.empty()) return true;
     const int t = id / 4, other = model_.across[id] / 4;
-    return faces_joined(model_, state_, held_open_, t) - taken[t] > fewest_joined &&
-           faces_joined(model_, state_, held_open_, other) - taken[other] > fewest_joined;
+    return faces_joined(model_, state_, held_open_, t) - parted[t] > fewest_joined &&
+           faces_joined(model_, state_, held_open_, other) - parted[other] > fewest_joined;
   }
 
   const TissueModel& model_;
   const TissueState& state_;
-  const std::vector<EdgeKey> open_;  // sorted
   const std::span<const std::uint8_t> held_open_;
   const TearSettings& settings_;
-  std::vector<Candidate> left_;
+  const std::vector<Candidate> found_;
+  std::vector<std::uint8_t> taken_, at_open_edge_;  // of each
+  std::vector<std::pair<int, int>> at_node_;        // which of them, sorted
+  std::vector<std::pair<EdgeKey, int>> at_edge_;    // …
 };
 
 }  // namespace
@@ -176,16 +194,18 @@ double release_of_face(const TissueModel& model, const TissueState& state, int f
 
 std::vector<int> faces_that_break(const TissueModel& model, const TissueState& state,
                                   const BoundarySurface& surface, CutWorkspace& work,
-                                  const TearSettings& settings, const VecX& pressed, RefusedBreaks* refused) {
+                                  const TearSettings& settings, const VecX& pressed, RefusedBreaks* refused,
+                                  const ApplyCompliance& compliance) {
   if (!(settings.toughness > 0) || !settings.begins) return {};
-  const std::vector<Candidate> found = stretched_faces(model, state, work.held_open, settings);
+  std::vector<Candidate> found = stretched_faces(model, state, work.held_open, settings);
   double sum = 0;
   for (const Candidate& c : found) sum += c.release;
   if (found.empty() || (refused && sum < refused->until)) return {};
-  Growth growth(model, state, open_edges(model, surface, work.held_open), work.held_open, settings, found);
+  Growth growth(model, state, open_edges(model, surface, work.held_open), work.held_open, settings,
+                std::move(found));
   double paid = refused ? refused->paid : 0;
   for (int place = 0, looked_at = 0;; ++place) {
-    std::vector<int> faces = growth.next();
+    std::vector<int> faces = growth.next(most_together * settings.most);
     if (faces.empty()) break;
     if (refused && place < refused->places) continue;
     if (looked_at++ == places_in_a_step) {
@@ -193,12 +213,14 @@ std::vector<int> faces_that_break(const TissueModel& model, const TissueState& s
       return {};
     }
     for (std::size_t n = faces.size(); n > 0; n /= 2) {
-      const bool all_that_may = static_cast<int>(n) == settings.most;
       faces.resize(n);
-      const OpeningEnergy e = energy_of_opening(model, state, work, faces, pressed, settings.toughness);
+      const OpeningEnergy e =
+          energy_of_opening(model, state, work, faces, pressed, settings.toughness, compliance);
       const double needed = settings.toughness * e.area;
-      if (e.area > 0 ? e.released >= needed : all_that_may) {
+      const auto most = static_cast<std::size_t>(settings.most);
+      if (e.area > 0 ? e.released >= needed : n >= most) {
         if (refused) *refused = {};
+        if (e.area == 0 || settings.clefts.empty()) faces.resize(std::min(n, most));
         return faces;
       }
       if (!(e.area > 0)) break;  // nor do fewer part anything

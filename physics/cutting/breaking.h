@@ -6,8 +6,10 @@
 //
 // σₙ is the mean of the face's two tetrahedra, in their turned frames; only tension opens faces. Looked at
 // are inner faces with an edge on the surface or on a face that opens with them, so a crack begins there and
-// goes on from what opened. Where the energy is not there for so many faces, it is looked for of half as
-// many. Where so many part no node yet, they are held open (opening.h) and cost nothing until one does. A
+// goes on from what opened: 8 · most of them together, as where no slit is yet a few release little, whatever
+// they cost in the end. Where the energy is not there for so many, it is looked for of half as many, and so
+// on. Where they part no node yet, `most` are held open (opening.h) and cost nothing until one does. Of a
+// cleft all that pay open at once, elsewhere the first `most`: the others then see how tension has turned. A
 // crack that may choose its faces wanders and leaves crumbs, though a tetrahedron keeps one face joined:
 // where tissue parts along known planes, name their faces (`clefts`). Units: Pa, m, J/m². Pre: the state's
 // rotations are those at x. Errors: none. Cost: a pass over the tetrahedra, and opening_energy.h's where
@@ -17,6 +19,7 @@
 #include <vector>
 
 #include "physics/cutting/cut_workspace.h"
+#include "physics/cutting/opening_energy.h"
 #include "physics/cutting/tearing.h"
 
 namespace hapticd {
@@ -32,11 +35,11 @@ struct RefusedBreaks {
   double paid = 0;   // largest part of the energy that was there at one of them
 };
 
-// Ids of the faces that open now: `settings.most` at most, at one place. pressed: forces of contacts on
-// nodes, 3 each [N]; empty: none. refused: null looks at all places in each call.
+// Ids of the faces that open now, at one place. pressed: forces of contacts on nodes, 3 each [N]; empty:
+// none. refused: null looks at all places in each call. compliance: of the body (opening_energy.h).
 std::vector<int> faces_that_break(const TissueModel& model, const TissueState& state,
                                   const BoundarySurface& surface, CutWorkspace& work,
                                   const TearSettings& settings, const VecX& pressed = {},
-                                  RefusedBreaks* refused = nullptr);
+                                  RefusedBreaks* refused = nullptr, const ApplyCompliance& compliance = {});
 
 }  // namespace hapticd

@@ -240,7 +240,7 @@ StabilityPlan plan_cracking(StabilityBench& bench, bool quick) {
   };
   for (const double toughness : {0.1, 0.02, 0.3})
     for (const double takes : {0.5, 0.15, 1.5}) add(toughness, takes, 2.5e-3);
-  add(0.3, 1.5, 3e-3);  // the toughest bridge tears there for soft hands, too
+  for (const double apart : {2.8e-3, 3.4e-3}) add(0.3, 0.15, apart);  // what tears then has most to give back
   StabilityPlan plan = procedure_plan(std::move(ways), quick);
   plan.parameter =
       "displayed stiffness [N/m] of a groove whose walls two hands push apart until its bridge tears";

@@ -86,8 +86,12 @@ void CuttingStage::tear(Body& body, CutBody& cut) {
   std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
   const bool thinner = std::exchange(cut.removed_before, body.state.removed) != body.state.removed;
   if (thinner || !cut.change.empty()) cut.refused = {};
-  const std::vector<int> begun = faces_that_break(body.model, body.state, body.surface, cut.work,
-                                                  body.tearing, body.corrected.force, &cut.refused);
+  // Of the step before: it knows nothing yet of what went or was cut since.
+  ApplyCompliance compliance;
+  if (factored_) compliance = [&](const VecX& f, VecX& dx) { body.compliance->apply(f, dx); };
+  const std::vector<int> begun =
+      faces_that_break(body.model, body.state, body.surface, cut.work, body.tearing, body.corrected.force,
+                       &cut.refused, compliance);
   faces.insert(faces.end(), begun.begin(), begun.end());
   if (!faces.empty()) note(open_faces(body.model, body.state, cut.work, faces, cut.change));
   if (cut.cleft_nodes.empty() || (cut.change.empty() && !thinner)) return;
@@ -143,6 +147,7 @@ void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
 void CuttingStage::note(CutStatus status) { out_of_room_ = out_of_room_ || status == CutStatus::no_room; }
 
 void CuttingStage::tell_compliances(Bodies& bodies) {
+  factored_ = true;
   if (!cuts_anything_) return;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (!cuts_[b] || cuts_[b]->change.empty()) continue;

@@ -55,6 +55,7 @@ class CuttingStage {
   std::vector<std::unique_ptr<CutBody>> cuts_;  // per body; null: it cannot be cut
   std::vector<PatchNode> nodes_;
   bool cuts_anything_ = false;
+  bool factored_ = false;  // the bodies' compliances were, in a step
   bool out_of_room_ = false;
   double area_ = 0;
 };

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
 
+#include "physics/compliance/compliance.h"
 #include "physics/cutting/mesh_check.h"
 #include "physics/cutting/opening.h"
 #include "physics/cutting/opening_energy.h"
@@ -71,8 +72,8 @@ TEST(Breaking, AFaceReleasesTheSquareOfTheTensionAcrossIt) {
   EXPECT_TRUE(bar.broken(1e-12).empty());
 }
 
-// At most so many, of which the first has an edge on the surface, and every other one on those before it,
-// too.
+// At most so many, of which the first has an edge on the surface, and every other one on those
+// before it, too.
 TEST(Breaking, FromTheSurfaceAndAtMostSoMany) {
   Bar bar;
   bar.strain(along_x(0.1));
@@ -140,8 +141,14 @@ TEST(Breaking, NothingOpensForLessThanItsToughness) {
   EXPECT_NEAR(all.area, size * size, 1e-12);
   EXPECT_LE(all.released, energy * size * size * (1 + 1e-9));
   EXPECT_GE(all.released, energy * size * size * 0.99);
-  const VecX pressed = VecX::Ones(3 * bar.model.node_count());
-  EXPECT_EQ(energy_of_opening(bar.model, bar.state, bar.work, across, pressed, energy).released, 0);
+  // Contacts that hold the nodes along the bar keep it together; across it, they do not.
+  VecX along = VecX::Zero(3 * bar.model.node_count()), aside = along;
+  for (int n = 0; n < bar.model.node_count(); ++n) along[3 * n] = aside[3 * n + 1] = 0.1;
+  const auto held = [&](const VecX& pressed) {
+    return energy_of_opening(bar.model, bar.state, bar.work, across, pressed, 1.05 * energy).released;
+  };
+  EXPECT_LT(held(along), 1e-9 * energy * size * size);
+  EXPECT_GE(held(aside), energy * size * size * 0.99);
 
   const auto broken = [&](double toughness) {
     settings.toughness = toughness;
@@ -150,6 +157,42 @@ TEST(Breaking, NothingOpensForLessThanItsToughness) {
   EXPECT_GT(release_of_face(bar.model, bar.state, across[0]), 1.2 * energy);
   EXPECT_TRUE(broken(1.01 * energy).empty());
   EXPECT_EQ(broken(0.98 * energy).size(), across.size());
+  settings.most = 1;  // together they pay
+  EXPECT_EQ(broken(0.98 * energy).size(), across.size());
+}
+
+// A bar of which half lies beyond the nodes nearby: its compliance tells what that gives back.
+TEST(Breaking, WhatLiesFarReleasesToo) {
+  constexpr double e = 0.05, length = 12 * size, energy = 0.5 * young * e * e * length;  // [J/m²]
+  TissueModel model = make_tissue_model(box_mesh({length, size, size}, 24, 6, 6), {young, 0, 1000, 0, 0}, {},
+                                        Vec3::Zero(), {100, 0});
+  TissueState state = rest_state(model);
+  CutWorkspace work(model);
+  for (int n = 0; n < model.nodes_in_use; ++n) {
+    const double x = model.mesh.nodes[n].x();
+    model.fixed[n] = x < 1e-9 || x > length - 1e-9;
+    state.x[n].x() += e * x;
+  }
+  update_rotations(model, state);
+  std::vector<int> across;
+  for (int id = 0; id < 4 * model.tets_in_use; ++id) {
+    const Triangle n = outward_face(model.mesh.tets[id / 4], id % 4);
+    if (model.across[id] > id && std::all_of(n.begin(), n.end(), [&](int k) {
+          return std::abs(model.mesh.nodes[k].x() - 0.5 * length) < 1e-9;
+        }))
+      across.push_back(id);
+  }
+  const auto compliance = make_compliance(ComplianceMethod::exact, model, 0.02);
+  compliance->update(state);
+  const auto released = [&](const ApplyCompliance& C) {
+    const OpeningEnergy told = energy_of_opening(model, state, work, across, {}, energy, C);
+    EXPECT_NEAR(told.area, size * size, 1e-12);
+    return told.released / (size * size);
+  };
+  EXPECT_LT(released({}), 0.7 * energy);
+  const double all = released([&](const VecX& f, VecX& dx) { compliance->apply(f, dx); });
+  EXPECT_LE(all, energy * (1 + 1e-9));
+  EXPECT_GE(all, 0.98 * energy);
 }
 
 // The energy of an opening is what the opened mesh loses on its way to rest, found by a dense solver.

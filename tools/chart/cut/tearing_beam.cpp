@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/compliance/compliance.h"
 #include "physics/cutting/breaking.h"
 #include "physics/cutting/opening.h"
 #include "physics/cutting/tearing.h"
@@ -15,6 +16,7 @@ namespace {
 constexpr double young = 1e5, arm = 5e-3, toughness = 5;  // Pa, m, J/m²
 constexpr double length = 24 * arm, first_crack = 10 * arm, last_crack = 11 * arm;
 constexpr double tiny = 1e-9;
+constexpr double step = 0.02;  // of the compliance [s]
 
 double theory(double crack, double width) {
   return std::sqrt(toughness * young * arm * arm * arm / 12) * width / (crack + 0.64 * arm);
@@ -42,6 +44,8 @@ bool in_middle_plane(const TissueModel& model, const Triangle& face) {
 // The largest toughness that breaks something in the middle plane, which is where the crack stays.
 Next next_of_faces(const TissueModel& model, const TissueState& state, const BoundarySurface& surface,
                    CutWorkspace& work) {
+  const auto compliance = make_compliance(ComplianceMethod::exact, model, step);
+  compliance->update(state);
   TearSettings settings{.begins = true};
   settings.clefts.assign(4 * model.mesh.tets.size(), 0);
   double low = 0, high = 0;
@@ -54,7 +58,9 @@ Next next_of_faces(const TissueModel& model, const TissueState& state, const Bou
   Next next;
   while (high - low > 1e-3 * high) {
     settings.toughness = 0.5 * (low + high);
-    const std::vector<int> faces = faces_that_break(model, state, surface, work, settings);
+    const std::vector<int> faces =
+        faces_that_break(model, state, surface, work, settings, {}, nullptr,
+                         [&](const VecX& f, VecX& dx) { compliance->apply(f, dx); });
     if (faces.empty()) {
       high = settings.toughness;
       continue;

@@ -21,7 +21,7 @@ struct TearingBeam {
   int torn = 0;         // faces
 };
 
-// By the energy that the slit's front releases, or by the tension across a face.
+// By the energy that the slit's front releases, or by what opening faces releases.
 enum class TearRule { front, face };
 
 // One for each number of elements over an arm's height.
