@@ -142,19 +142,26 @@ bool holds_good(const CondensedProblem& problem, Instruments instruments, const 
   return lost <= still;
 }
 
-// Of any sample, and of those that no row holds; `lost` by instrument.
+// Overlap by instrument of what no row holds, where it is known of the last solve.
+struct Lost {
+  EachInstrument<double> of;
+  bool known = false;
+};
+
+// Of any sample, and of those that no row holds.
 void measure_overlap(const CondensedProblem& problem, Instruments instruments, ContactScratch& scratch,
-                     ContactSolution& out, EachInstrument<double>& lost) noexcept {
+                     ContactSolution& out, Lost& lost) noexcept {
+  if (lost.known) return;
   out.penetration = out.lost = 0;
-  lost = {};
+  lost = {{}, true};
   const PlacedInstruments placed(instruments, out.instrument);
   const auto in_reach = scratch.in_reach.at(problem, placed, out.instrument, scratch.x, 0,
                                             reach_slack * problem.alarm_distance);
   for (int i = 0; i < instruments.count(); ++i) {
     if (placed.at(i))
       out.penetration = std::max(out.penetration, deepest_overlap(problem, *placed.at(i), i, in_reach,
-                                                                  scratch.rows, scratch.x, lost[i]));
-    out.lost = std::max(out.lost, lost[i]);
+                                                                  scratch.rows, scratch.x, lost.of[i]));
+    out.lost = std::max(out.lost, lost.of[i]);
   }
 }
 
@@ -224,7 +231,7 @@ void start_patch(const CondensedProblem& problem, const InstrumentPoses& X, cons
 
 void solve_renewed(const CondensedProblem& problem, Instruments instruments, const CouplingStart& start,
                    double margin, double period, const ContactOptions& options, ContactState& state,
-                   ContactScratch& scratch, ContactSolution& out) noexcept {
+                   ContactScratch& scratch, ContactSolution& out, Lost& lost) noexcept {
   scratch.working = state.memory;
   scratch.kept.outside = state.memory.outside;
   start_patch(problem, start.X_start, state.memory, scratch.x);
@@ -244,6 +251,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   // False if the solver met no number.
   const auto solve = [&] {
     warm_start(scratch.working, scratch);
+    lost.known = false;
     solve_rows(options, state.resumed, scratch, out);
     if (out.status == SolveStatus::not_finite) return false;
     displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
@@ -264,7 +272,6 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     return out.status == SolveStatus::solved || out.residual <= doubtful * options.usable_residual;
   };
   const auto is_too_deep = [&] {
-    EachInstrument<double> lost;
     measure_overlap(problem, instruments, scratch, out, lost);
     return out.penetration > options.too_deep;
   };
@@ -321,10 +328,12 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
 
   scratch.in_reach.keep(options.numbered ? problem.step : 0);
   ContactSolution out;
+  Lost lost;
   if (problem.renewal == Renewal::frozen)
     solve_frozen(problem, instruments, start, margin, period / options.parts, options, state, scratch, out);
   else
-    solve_renewed(problem, instruments, start, margin, period / options.parts, options, state, scratch, out);
+    solve_renewed(problem, instruments, start, margin, period / options.parts, options, state, scratch, out,
+                  lost);
   out.contacts = scratch.rows.contacts;
   out.dropped = scratch.rows.dropped;
   // A pose that is not finite selects no rows and solves nothing, but would spoil the coupling's memory.
@@ -343,14 +352,13 @@ ContactSolution solve_contact(const CondensedProblem& problem, Instruments instr
   for (int i = 0; i < max_instruments; ++i)
     if (X_device.present[i]) out.wrench[i] += problem.instrument[i].load;
   for (int i = 0; i < out.contacts; ++i) out.active += scratch.lambda[scratch.rows.rows_per_contact * i] > 0;
-  EachInstrument<double> lost;
   measure_overlap(problem, instruments, scratch, out, lost);
   for (int i = 0; i < instruments.count(); ++i) {
     bool& outside = state.memory.outside[i];
     if (!X_device.present[i] || problem.renewal == Renewal::frozen)
       outside = false;
     else if (serves(options, out))
-      outside = is_outside(problem, i, outside, scratch.rows, solved(scratch), scratch.x, lost[i]);
+      outside = is_outside(problem, i, outside, scratch.rows, solved(scratch), scratch.x, lost.of[i]);
   }
   if ((out.status == SolveStatus::solved && !out.laboured) || scratch.rows.rows_per_contact == 1)
     state.resumed = 0;

@@ -59,9 +59,10 @@ Held held_pose(std::uint64_t seed, double mu, int nodes, int ticks_down) {
   sheet.friction = mu;
   const auto problem = sheet_problem(random, sheet);
   problem->alarm_distance = 0.8e-3;
-  problem->instrument[0].coupling = {.stiffness = uniform(random, 50, 500),
-                       .rotational_stiffness = std::exp(uniform(random, std::log(1e-4), std::log(1e-1))),
-                       .damping_time = 2e-3};
+  problem->instrument[0].coupling = {
+      .stiffness = uniform(random, 50, 500),
+      .rotational_stiffness = std::exp(uniform(random, std::log(1e-4), std::log(1e-1))),
+      .damping_time = 2e-3};
   ContactLoop loop;
   loop.options.margin = margin;
   const Vec3 side(uniform(random, -0.5e-3, 0.5e-3), uniform(random, -0.5e-3, 0.5e-3), 0);
@@ -106,6 +107,39 @@ TEST(HeldPose, SettlesWithFriction) { EXPECT_EQ(count_swinging(0.5, 9, 1), 0); }
 
 // A pose that begins deep in the tissue, without friction: what swings still, a bound to be lowered.
 TEST(HeldPose, PutThereAtOnceWithoutFrictionMostSettle) { EXPECT_LE(count_swinging(0, 9, 1), 6); }
+
+// The overlap that the first tick of such a pose leaves, put there at once [m].
+double first_overlap(std::uint64_t seed, double too_deep) {
+  Random random(seed);
+  const Instrument instrument = many_parts(random);
+  SheetSettings sheet;
+  sheet.nodes = 9;
+  sheet.side = 4e-3;
+  sheet.compliance = 0.3;
+  sheet.reach = 0.4e-3;
+  const auto problem = sheet_problem(random, sheet);
+  problem->alarm_distance = 0.8e-3;
+  problem->instrument[0].coupling = {.stiffness = 100, .rotational_stiffness = 1e-4, .damping_time = 2e-3};
+  ContactLoop loop;
+  loop.options.margin = margin;
+  loop.options.too_deep = too_deep;
+  const Pose X{Vec3(uniform(random, -0.5e-3, 0.5e-3), 0, -0.3e-3),
+               Quat(Eigen::AngleAxisd(uniform(random, 0, 0.6), unit_vector(random)))};
+  return loop.solve(*problem, instrument, X).penetration;
+}
+
+// Parts that turn as they are pressed are beside their linearisations: with more of them fewer poses end
+// deep.
+TEST(HeldPose, IsLinearisedOnWhileASampleIsTooDeep) {
+  constexpr double too_deep = 5e-6;
+  int without = 0, with = 0;
+  for (std::uint64_t seed = 1; seed <= poses; ++seed) {
+    without += first_overlap(seed, 0) > too_deep;
+    with += first_overlap(seed, too_deep) > too_deep;
+  }
+  EXPECT_GT(without, 40);
+  EXPECT_LE(with, without / 2);
+}
 
 // A sample on a spring k in the notch of two balls of radius r, 2a apart, held rigidly: it comes to rest
 // touching both,
