@@ -103,45 +103,6 @@ void remember_solve(const CondensedProblem& problem, const InstrumentPoses& X_li
   }
 }
 
-// Whether the rows hold good where their solve ends: forces have turned with their normals by less than
-// options.turned, weighted by their size; no gap is off by more than `still`; no sample without a row is
-// inside. Of a blade's edge that is not asked: it goes on.
-bool holds_good(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_lin,
-                const ContactOptions& options, ContactScratch& scratch,
-                const InstrumentPoses& X_end) noexcept {
-  const ContactRows& rows = scratch.rows;
-  if (rows.edges > 0) return false;
-  const EachInstrument<Vec6> moved = difference(X_end, X_lin);
-  const auto way = [&](int i, const Vec3& arm) {
-    return (moved[i].head<3>() + moved[i].tail<3>().cross(arm)).norm();
-  };
-  const PlacedInstruments placed(instruments, X_end);
-  double sum = 0, turned = 0;
-  for (int i = 0; i < rows.contacts; ++i) {
-    const ContactRow& row = rows.row[i];
-    const double force = local_lambda(scratch, i).norm();
-    sum += force;
-    if (row.incision) {
-      if (force > 0) turned += force * way(row.instrument, row.arm) / (row.advance - row.gap);
-    } else if (row.other >= 0) {
-      if (way(row.instrument, row.arm) + way(row.other, row.other_arm) > still) return false;
-    } else {
-      const Gap gap =
-          placed.at(row.instrument)
-              ->gap(static_cast<std::size_t>(row.primitive), sample_position(problem, scratch.x, row.sample));
-      if (gap.distance < -still || (force > 0 && gap.distance > still)) return false;
-      turned += force * (gap.normal - row.frame.col(0)).norm();
-    }
-  }
-  if (turned > options.turned * sum) return false;
-  double lost = 0;
-  const auto in_reach =
-      scratch.in_reach.at(problem, placed, X_end, scratch.x, 0, reach_slack * problem.alarm_distance);
-  for (int i = 0; i < instruments.count(); ++i)
-    if (placed.at(i)) deepest_overlap(problem, *placed.at(i), i, in_reach, rows, scratch.x, lost);
-  return lost <= still;
-}
-
 // Overlap by instrument of what no row holds, where it is known of the last solve.
 struct Lost {
   EachInstrument<double> of;
@@ -163,6 +124,41 @@ void measure_overlap(const CondensedProblem& problem, Instruments instruments, C
                                                                   scratch.rows, scratch.x, lost.of[i]));
     out.lost = std::max(out.lost, lost.of[i]);
   }
+}
+
+// Whether the rows hold good where their solve ends: forces have turned with their normals by less than
+// options.turned, weighted by their size; no gap is off by more than `still`; no sample without a row is
+// inside. Of a blade's edge that is not asked: it goes on.
+bool holds_good(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_lin,
+                const ContactOptions& options, ContactScratch& scratch, ContactSolution& out,
+                Lost& lost) noexcept {
+  const ContactRows& rows = scratch.rows;
+  if (rows.edges > 0) return false;
+  const EachInstrument<Vec6> moved = difference(out.instrument, X_lin);
+  const auto way = [&](int i, const Vec3& arm) {
+    return (moved[i].head<3>() + moved[i].tail<3>().cross(arm)).norm();
+  };
+  const PlacedInstruments placed(instruments, out.instrument);
+  double sum = 0, turned = 0;
+  for (int i = 0; i < rows.contacts; ++i) {
+    const ContactRow& row = rows.row[i];
+    const double force = local_lambda(scratch, i).norm();
+    sum += force;
+    if (row.incision) {
+      if (force > 0) turned += force * way(row.instrument, row.arm) / (row.advance - row.gap);
+    } else if (row.other >= 0) {
+      if (way(row.instrument, row.arm) + way(row.other, row.other_arm) > still) return false;
+    } else {
+      const Gap gap =
+          placed.at(row.instrument)
+              ->gap(static_cast<std::size_t>(row.primitive), sample_position(problem, scratch.x, row.sample));
+      if (gap.distance < -still || (force > 0 && gap.distance > still)) return false;
+      turned += force * (gap.normal - row.frame.col(0)).norm();
+    }
+  }
+  if (turned > options.turned * sum) return false;
+  measure_overlap(problem, instruments, scratch, out, lost);
+  return out.lost <= still;
 }
 
 // Whether it is to be remembered.
@@ -287,7 +283,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     }
     if (k > 0 && state.resumed > 0 && out.status != SolveStatus::solved) break;
     if (k > 0 && options.turned > 0 && out.status == SolveStatus::solved &&
-        holds_good(problem, instruments, X_lin, options, scratch, out.instrument))
+        holds_good(problem, instruments, X_lin, options, scratch, out, lost))
       break;
     std::copy_n(scratch.x.begin(), problem.nodes, x_lin.begin());
     X_lin = out.instrument;
