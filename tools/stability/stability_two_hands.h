@@ -9,11 +9,11 @@
 // (`pushes`); or its client dies in the second hold (`dies`); `alone`: there is no other. Displayed stiffness
 // and judgement are those of largest_stiffness.h, from starts between which the encoder's zero moves, the
 // wall's and each row's alike; where a client dies, what is displayed is the stiffer of the two holds. Asked
-// are four fifths of a wall as viscous as the tissue: no renderer of it shows more than that wall. The best
-// wall of any viscosity is charted beside. A
-// nearly free body moves away: it is judged at the tissue's own scale. Of a hand beside one that stands still
-// the tissue may give nothing; of one beside one that pushes the energy of both counts, from when the first
-// begins; and where a client dies, from the start. Both devices scale forces alike. Units: SI.
+// are four fifths of a wall as viscous as the tissue, which is what a perfect renderer of it would be; the
+// best wall of any viscosity is charted beside. A nearly free body moves away: it is judged at the tissue's
+// own scale. Of a hand beside one that stands still the tissue may give nothing; of one beside one that
+// pushes the energy of both counts, from when the first begins; and where a client dies, from the start. Both
+// devices scale forces alike. Units: SI.
 #pragma once
 
 #include "tools/stability/stability.h"
