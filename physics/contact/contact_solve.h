@@ -14,9 +14,8 @@
 // that ended unusable is resumed by the next tick (`near`: the wrench is right to some percent). Nothing is
 // linearised about an unusable solve. Units: N, N·m. Errors: by status; after `not_finite` force and memory
 // are zero and the proxy is at the free pose; a linearisation without time is left out, and the status says
-// so. Guarantee: no allocation, wait-free, bounded by 4 (linearisations + 3) × (rows + solver's bound); 128
-// kB of stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng
-// 1998.
+// so. Guarantee: no allocation, wait-free, bounded by 4 (linearisations + 3) × (rows + solver); 128 kB of
+// stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 
 #include "physics/contact/candidates/samples_in_reach.h"

@@ -173,7 +173,7 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
   mode.plan.ours = "the daemon, two hands in one body";
   mode.plan.judged = "swing at rest beyond two quanta [µm], and energy made [µJ]";
   mode.plan.reason =
-      "four fifths of an ideal 1 kHz wall as viscous as the tissue on the same device, guided along the "
+      "four fifths of an ideal 1 kHz wall as viscous as the tissue, on the same device, guided along the "
       "press "
       "as a wall guides it, by swing and by energy, in every row; of a body that moves away no swing and no "
       "energy at the tissue's own scale";

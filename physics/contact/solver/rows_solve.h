@@ -1,7 +1,8 @@
 // One set of rows, solved from the forces in the scratch: by the whole solver, or in turns where a solve is
 // resumed.
 //
-// λ is left in scratch.lambda; status, residual, near and laboured in the solution (contact_solve.h). Units:
+// λ is left in scratch.lambda; status, residual, near and laboured in the solution (contact_solve.h). What
+// ends unsolved has its normal forces solved once more, which its residual does not know. Units:
 // N. Errors: by status. Guarantee: wait-free, no allocation, bounded as the solvers are.
 #pragma once
 
