@@ -174,9 +174,8 @@ bool chart_two_hands(StabilityBench& bench, bool quick, StabilityChart& chart, c
   mode.plan.judged = "swing at rest beyond two quanta [µm], and energy made [µJ]";
   mode.plan.reason =
       "four fifths of an ideal 1 kHz wall as viscous as the tissue, on the same device, guided along the "
-      "press "
-      "as a wall guides it, by swing and by energy, in every row; of a body that moves away no swing and no "
-      "energy at the tissue's own scale";
+      "press as a wall guides it, by swing and by energy, in every row; of a body that moves away no swing "
+      "and no energy at the tissue's own scale";
   mode.plan.last_sound = true;
   Largest wall, alike;
   press_walls(bench, s, factor, starts, quick, wall, alike);
