@@ -47,20 +47,20 @@ GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
   return {0, {}, centre, box, touches};
 }
 
-GrownShape grown(const Primitive& p, double wakeup_timer) {
+GrownShape grown(const Primitive& p, double margin) {
   switch (p.shape) {
     case Shape::sphere:
-      return grown(fcl::Sphere<double>(p.radius + wakeup_timer));
+      return grown(fcl::Sphere<double>(p.radius + margin));
     case Shape::capsule:
-      return grown(fcl::Capsule<double>(p.radius + wakeup_timer, 2 * p.half_length));
+      return grown(fcl::Capsule<double>(p.radius + margin, 2 * p.half_length));
     case Shape::cylinder:
-      return grown(fcl::Cylinder<double>(p.radius + wakeup_timer, 2 * (p.half_length + wakeup_timer)));
+      return grown(fcl::Cylinder<double>(p.radius + margin, 2 * (p.half_length + margin)));
     case Shape::convex:
       break;
   }
   Eigen::AlignedBox3d box;
   for (const Vec3& v : p.vertices) box.extend(v);
-  const Vec3 size = box.sizes() + Vec3::Constant(2 * wakeup_timer);
+  const Vec3 size = box.sizes() + Vec3::Constant(2 * margin);
   return grown(fcl::Box<double>(size), box.center());
 }
 

@@ -13,7 +13,7 @@
 namespace hapticd {
 namespace {
 
-constexpr double h = 0.02, width = 0.012, height = 0.008, wakeup_timer = 1.5e-3;
+constexpr double h = 0.02, width = 0.012, height = 0.008, alarm_distance = 1.5e-3;
 constexpr double apart = 0.02;  // of the two blocks, from middle to middle
 
 // Two blocks side by side, so viscous that they are at rest within a few steps of being left alone.
@@ -26,7 +26,7 @@ struct Case {
 std::unique_ptr<World> two_blocks(const Case& c) {
   WorldSettings s;
   s.h = h;
-  s.alarm_distance = wakeup_timer;
+  s.alarm_distance = alarm_distance;
   s.sample_spacing = 1e-3;
   s.coupling[0] = {100, 0.05, 0};
   s.removal[0] = {40, 5e-4, 1e-3, 50};
@@ -128,7 +128,7 @@ TEST_P(LateReferences, StopNothingWhateverElseHappens) {
         depth += std::clamp(to_depth - depth, -8e-4, 3e-4);
         tip.pose.p = over(x, depth, false).pose.p;
         // Most of all while the tip comes down to what may have slept.
-        const bool coming = to_depth > depth && std::abs(depth + wakeup_timer) < 6e-4;
+        const bool coming = to_depth > depth && std::abs(depth + alarm_distance) < 6e-4;
         if (chance(coming ? 0.5 : 0.02))
           world->schedule_removal(chance(0.5),
                                   {static_cast<int>(between(0, world->bodies()[0].model.tet_count()))});

@@ -40,7 +40,7 @@ TEST(Samples, OneForEachSpacingSquared) {
 struct Scene {
   Bodies bodies;
   Instrument instrument;
-  double wakeup_timer = 8e-4;
+  double alarm_distance = 8e-4;
 
   Scene() {
     BodySettings soft{"soft", true, box_mesh(Vec3(8e-3, 8e-3, 4e-3), 6, 6, 3), {3000, 0.45, 1000, 0, 0}, {},
@@ -65,7 +65,7 @@ struct Scene {
 // Every face with a sample nearer than the alarm distance must be found, wherever the instrument is.
 TEST(Collision, FindsEveryFaceWithinReach) {
   Scene scene;
-  Collision collision(scene.instrument, scene.wakeup_timer);
+  Collision collision(scene.instrument, scene.alarm_distance);
   for (const Body& b : scene.bodies) collision.add_body(b.surface.faces(), b.state.x);
   std::mt19937 random(3);
   std::uniform_real_distribution<double> u(0, 8e-3);
@@ -87,7 +87,7 @@ TEST(Collision, FindsEveryFaceWithinReach) {
         const Triangle& t = body.surface.faces()[f].nodes;
         for (const auto& w : sample_weights(4)) {
           const Vec3 p = w[0] * body.state.x[t[0]] + w[1] * body.state.x[t[1]] + w[2] * body.state.x[t[2]];
-          if (gap_at(scene.instrument, X, p).distance < scene.wakeup_timer - 1e-6) {
+          if (gap_at(scene.instrument, X, p).distance < scene.alarm_distance - 1e-6) {
             EXPECT_TRUE(reported.contains({b, static_cast<int>(f)})) << "body " << b << " face " << f;
             ++found;
             break;
@@ -101,14 +101,14 @@ TEST(Collision, FindsEveryFaceWithinReach) {
 
 TEST(Patch, SamplesAreMaterialPointsOfBothBodies) {
   Scene scene;
-  Collision collision(scene.instrument, scene.wakeup_timer);
+  Collision collision(scene.instrument, scene.alarm_distance);
   for (const Body& b : scene.bodies) collision.add_body(b.surface.faces(), b.state.x);
   const Pose X{Vec3(4e-3, 4e-3, 4.5e-3), Quat::Identity()};  // between the block's top and the plate
   std::vector<NearFace> near;
   collision.near_faces(X, near);
   PatchGatherer gatherer(1.5e-4);
   auto problem = std::make_unique<CondensedProblem>();
-  gatherer.gather(scene.bodies, scene.instrument, X, scene.wakeup_timer, near, *problem);
+  gatherer.gather(scene.bodies, scene.instrument, X, scene.alarm_distance, near, *problem);
   set_patch_positions(scene.bodies, gatherer.nodes(), *problem);
   ASSERT_GT(problem->samples, 20);
   int rigid = 0, soft = 0;
