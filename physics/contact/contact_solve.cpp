@@ -35,9 +35,10 @@ std::span<const double> solved(const ContactScratch& scratch) noexcept {
 
 void warm_start(const ContactMemory& memory, ContactScratch& scratch) noexcept {
   const int m = scratch.rows.rows_per_contact;
+  int from = 0;
   for (int i = 0; i < scratch.rows.contacts; ++i) {
     const ContactRow& row = scratch.rows.row[i];
-    const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive);
+    const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive, from);
     const Vec3 l = known ? Vec3(row.frame.transpose() * known->lambda) : Vec3::Zero();
     for (int c = 0; c < m; ++c) scratch.lambda[m * i + c] = l[c];
     scratch.active[i] = l[0] > 0;
@@ -273,10 +274,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
   };
   for (int k = 0; k < linearisations + most_more; ++k) {
     const bool more = k >= linearisations;
-    if (more) {
-      if (!(options.too_deep > 0 && usable() && is_too_deep()) || options.deadline.passed()) break;
-      remember(scratch.kept);
-    }
+    if (more && (!(options.too_deep > 0 && usable() && is_too_deep()) || options.deadline.passed())) break;
     if (k > 0 && options.deadline.passed()) {
       out.status = SolveStatus::deadline;
       break;
@@ -285,6 +283,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     if (k > 0 && options.turned > 0 && out.status == SolveStatus::solved &&
         holds_good(problem, instruments, X_lin, options, scratch, out, lost))
       break;
+    if (k > 0) remember(scratch.kept);
     std::copy_n(scratch.x.begin(), problem.nodes, x_lin.begin());
     X_lin = out.instrument;
     const ContactSolution before = out;
@@ -293,7 +292,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     for (int again = 0; again < most_returns && usable() && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
       if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin,
-                                     state.memory.outside, scratch.rows, end))
+                                     state.memory.outside, scratch.rows, end, scratch.in_reach))
         break;
       build(&end);
       if (!solve()) return;
@@ -309,7 +308,6 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
       warm_start(state.memory, scratch);
       return;
     }
-    if (k + 1 < linearisations) remember(scratch.kept);
   }
   if (serves(options, out)) remember(state.memory);
 }

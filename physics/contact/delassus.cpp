@@ -79,6 +79,36 @@ Mat3 own_compliance(const CondensedProblem& problem, const Sample& s) noexcept {
   return G;
 }
 
+// n·G n of a contact with itself.
+double own_compliance(const CondensedProblem& problem, const PatchSample& s, const Vec3& n) noexcept {
+  if (s.node[0] < 0) return 0;
+  const auto size = static_cast<std::ptrdiff_t>(3 * problem.nodes);
+  double sum = 0;
+  for (int b = 0; b < 3; ++b) {
+    const double* const C = problem.C_pp.data() + 3 * s.node[b] * size;
+    double of_b = 0;
+    for (int a = 0; a < 3; ++a) {
+      const double* const at = C + 3 * s.node[a];
+      double pushed = 0;
+      for (int k = 0; k < 3; ++k)
+        pushed += n[k] * (at[k * size] * n[0] + at[k * size + 1] * n[1] + at[k * size + 2] * n[2]);
+      of_b += s.weight[a] * pushed;
+    }
+    sum += s.weight[b] * problem.column_scale[s.node[b]] * of_b;
+  }
+  return sum;
+}
+
+// A contact of tissue without friction.
+double own_entry(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row) noexcept {
+  const Vec3 n = row.frame.col(0), moment = row.arm.cross(n);
+  const Vec3 shifts = K_inv_diag.head<3>(), turns = K_inv_diag.tail<3>(), squares = row.arm.cwiseAbs2();
+  const double of_coupling = shifts.dot(n.cwiseAbs2()) + turns.dot(moment.cwiseAbs2());
+  const double trace = shifts.sum() + turns.sum() * squares.sum() - turns.dot(squares);
+  const double of_tissue = own_compliance(problem, problem.sample[row.sample], n);
+  return of_coupling + of_tissue + std::max(0.0, rigid_compliance * trace / 3 - of_tissue);
+}
+
 }  // namespace
 
 // What a contact's compliance lacks to a thousandth of the coupling's there is added: means of the diagonal,
@@ -86,6 +116,10 @@ Mat3 own_compliance(const CondensedProblem& problem, const Sample& s) noexcept {
 template <int m>
 void DelassusColumns<m>::own_block(int j) noexcept {
   const ContactRow& of = rows_->row[j];
+  if (m == 1 && of.sample >= 0) {
+    *block(j, j) = own_entry(*problem_, K_inv_diag_[of.instrument], of);
+    return;
+  }
   Mat3 W = coupling(K_inv_diag_, of, of);
   const double of_coupling = rigid_compliance * W.trace() / 3;
   double added = of_coupling;

@@ -27,33 +27,24 @@ bool has_row(const ContactRows& rows, int sample, int instrument, int primitive)
   });
 }
 
-bool violates(const CondensedProblem& problem, Instruments instruments, int i, const Pose& X_lin,
-              const Vec6& moved, const PatchPositions& x_lin, double held, double margin, bool outside,
-              const ContactRows& rows, const PatchPositions& x_end) noexcept {
-  const auto instrument_at = [&](const Vec3& s) {
-    return moved.head<3>().norm() + moved.tail<3>().norm() * (s - X_lin.p).norm();
-  };
-  const auto obstacle = [&](int k) { return problem.sample[k].node[0] < 0; };
-  double farthest = 0;
-  for (int n = 0; n < problem.nodes; ++n)
-    farthest = std::max(farthest, (x_end[n] - x_lin[n]).norm() + instrument_at(x_lin[n]));
-  if (held < margin)
-    for (int k = 0; k < problem.samples; ++k)
-      if (obstacle(k)) farthest = std::max(farthest, instrument_at(problem.sample[k].free));
-  if (!(farthest > (held < margin ? held : 2 * margin))) return false;
+// How far nodes move from one to the other at most [m].
+double farthest_moved(const CondensedProblem& problem, const PatchPositions& from,
+                      const PatchPositions& to) noexcept {
+  double square = 0;
+  for (int n = 0; n < problem.nodes; ++n) square = std::max(square, (to[n] - from[n]).squaredNorm());
+  return std::sqrt(square);
+}
 
-  const PlacedInstrument placed(instruments[i], X_lin);
-  for (int k = 0; k < problem.samples; ++k) {
-    const double reach = obstacle(k) ? margin : std::max(margin, problem.alarm_distance);
-    const Vec3 s = sample_position(problem, x_lin, k);
-    for (const Gap& gap : GapsInReach(placed, s, reach))
-      if (gap.distance >= held &&
-          gap_reached(problem, k, s, gap, X_lin, moved, x_end) < (gap.distance < margin ? 0 : -margin) &&
-          may_press(problem, k, gap, sample_outward(problem, x_lin, k), outside) &&
-          !(rows.rows_per_contact > 1 && has_row(rows, k, i, gap.primitive)))
-        return true;
-  }
-  return false;
+// … and an instrument that moves so, at any of them [m].
+double farthest_moved(const CondensedProblem& problem, const Pose& X, const Vec6& moved,
+                      const PatchPositions& x, bool obstacles) noexcept {
+  const double turn = moved.tail<3>().norm();
+  double square = 0;
+  for (int n = 0; turn > 0 && n < problem.nodes; ++n) square = std::max(square, (x[n] - X.p).squaredNorm());
+  for (int k = 0; obstacles && turn > 0 && k < problem.samples; ++k)
+    if (problem.sample[k].node[0] < 0)
+      square = std::max(square, (problem.sample[k].free - X.p).squaredNorm());
+  return moved.head<3>().norm() + turn * std::sqrt(square);
 }
 
 bool meets_tissue(const CondensedProblem& problem, const PlacedInstrument& placed) noexcept {
@@ -75,12 +66,39 @@ bool meets(const Instrument& a, const Pose& X_a, const Instrument& b, const Pose
 bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
                                double margin, const EachInstrument<bool>& outside, const ContactRows& rows,
-                               const Reached& end) noexcept {
+                               const Reached& end, SamplesInReach& in_reach) noexcept {
   const EachInstrument<Vec6> moved = difference(end.X, X_lin);
-  for (int i = 0; i < instruments.count(); ++i)
-    if (X_lin.present[i] &&
-        violates(problem, instruments, i, X_lin[i], moved[i], x_lin, held, margin, outside[i], rows, end.x))
-      return true;
+  EachInstrument<double> farthest;  // by which a gap may change; zero: of one that is not looked at
+  const double tissue = farthest_moved(problem, x_lin, end.x);
+  double most = 0;
+  for (int i = 0; i < instruments.count(); ++i) {
+    if (!X_lin.present[i]) continue;
+    const double by = tissue + farthest_moved(problem, X_lin[i], moved[i], x_lin, held < margin);
+    if (!(by > (held < margin ? held : 2 * margin))) continue;
+    farthest[i] = by;
+    most = std::max(most, by);
+  }
+  if (most == 0) return false;
+
+  // A gap that is larger than by what it may change stays open.
+  const PlacedInstruments placed(instruments, X_lin);
+  const double reach = std::min(std::max(margin, problem.alarm_distance), most * (1 + same_gap));
+  for (const SamplesInReach::Entry& at :
+       in_reach.at(problem, placed, X_lin, x_lin, reach, reach_slack * problem.alarm_distance)) {
+    const int k = at.sample;
+    const Vec3 s = sample_position(problem, x_lin, k);
+    const double of_sample = problem.sample[k].node[0] < 0 ? std::min(reach, margin) : reach;
+    for (int i = 0; i < instruments.count(); ++i) {
+      if (farthest[i] == 0 || !at.near(i)) continue;
+      for (const Gap& gap : GapsInReach(*placed.at(i), s, of_sample))
+        if (gap.distance >= held &&
+            gap_reached(problem, k, s, gap, X_lin[i], moved[i], end.x) <
+                (gap.distance < margin ? 0 : -margin) &&
+            may_press(problem, k, gap, sample_outward(problem, x_lin, k), outside[i]) &&
+            !(rows.rows_per_contact > 1 && has_row(rows, k, i, gap.primitive)))
+          return true;
+    }
+  }
   return false;
 }
 

@@ -45,10 +45,11 @@ inline double gap_reached(const CondensedProblem& problem, int sample, const Vec
   return gap.distance + gap.normal.dot(sample_position(problem, x_end, sample) - s - instrument);
 }
 
+// in_reach: of the problem's samples, kept by the caller.
 bool violates_inactive_contact(const CondensedProblem& problem, Instruments instruments,
                                const InstrumentPoses& X_lin, const PatchPositions& x_lin, double held,
                                double margin, const EachInstrument<bool>& outside, const ContactRows& rows,
-                               const Reached& end) noexcept;
+                               const Reached& end, SamplesInReach& in_reach) noexcept;
 
 // Whether an instrument is outside after a solve that took patch and rows to x_end and left samples without
 // rows as deep as `lost`; before: whether it was.

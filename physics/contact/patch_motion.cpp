@@ -96,11 +96,27 @@ const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument
   return nullptr;
 }
 
+const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument, int primitive,
+                                                int& from) const noexcept {
+  const auto is_before = [&](const Entry& e) {
+    return e.id != id                   ? e.id < id
+           : e.instrument != instrument ? e.instrument < instrument
+                                        : e.primitive < primitive;
+  };
+  if (from > 0 && !is_before(entry[from - 1])) return find(id, instrument, primitive);
+  while (from < count && is_before(entry[from])) ++from;
+  if (from == count) return nullptr;
+  const Entry& e = entry[from];
+  return e.id == id && e.instrument == instrument && e.primitive == primitive ? &e : nullptr;
+}
+
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, std::span<const double> lambda,
                      PatchPositions& x) noexcept {
   NodeForces f;
   std::fill_n(f.begin(), 3 * problem.nodes, 0.0);
   for (int i = 0; i < rows.contacts; ++i) {
+    const double* const l = lambda.data() + rows.rows_per_contact * i;
+    if (std::all_of(l, l + rows.rows_per_contact, [](double of) { return of == 0; })) continue;
     Vec3 force = Vec3::Zero();
     for (int c = 0; c < rows.rows_per_contact; ++c)
       force += lambda[rows.rows_per_contact * i + c] * rows.row[i].frame.col(c);

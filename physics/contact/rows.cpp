@@ -167,6 +167,7 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
   }
 
   const EachInstrument<Vec6> shift = difference(X_free, X_lin);
+  int from = 0;
   for (int i = 0; i < rows.contacts; ++i) {
     ContactRow& row = rows.row[i];
     if (row.edge >= 0 || row.incision) {
@@ -184,7 +185,7 @@ void build_rows(const CondensedProblem& problem, Instruments instruments, const 
       row.id = problem.sample[row.sample].id;
       row.arm = s - X.p;
     }
-    const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive);
+    const ContactMemory::Entry* known = memory.find(row.id, row.instrument, row.primitive, from);
     if (!known && row.other < 0) known = memory.find(row.id, row.instrument);
     if (row.other < 0) {
       row.anchor = known ? known->anchor : X.to_local(s);

@@ -91,6 +91,8 @@ struct ContactMemory {
   ContactMemory& operator=(const ContactMemory& other) noexcept;
 
   const Entry* find(std::uint64_t id, int instrument, int primitive) const noexcept;
+  // The same, asked in the memory's order, from where the last one was looked for: 0 to begin with.
+  const Entry* find(std::uint64_t id, int instrument, int primitive, int& from) const noexcept;
   // The first of the sample and instrument, of whichever primitive.
   const Entry* find(std::uint64_t id, int instrument) const noexcept;
   // Whether it has any of tissue, and not of instruments and rings alone.

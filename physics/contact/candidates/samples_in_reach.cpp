@@ -33,7 +33,7 @@ std::uint32_t near_face(const PatchSample& s, const PlacedInstruments& placed, c
 }  // namespace
 
 void SamplesInReach::keep(std::uint64_t of_samples) noexcept {
-  if (of_samples == 0 || of_samples != of_samples_) radius_ = -1;
+  if (of_samples == 0 || of_samples != of_samples_) all_.radius = -1;
   of_samples_ = of_samples;
 }
 
@@ -41,13 +41,17 @@ std::span<const SamplesInReach::Entry> SamplesInReach::at(const CondensedProblem
                                                           const PlacedInstruments& placed,
                                                           const InstrumentPoses& X, const PatchPositions& x,
                                                           double reach, double slack) noexcept {
-  if (!(radius_ >= 0) || !(reach + moved(problem, X, x) <= radius_)) {
-    radius_ = reach + slack;
+  double asked = all_.radius >= 0 ? reach + moved(problem, X, x) : reach;
+  if (!(all_.radius >= 0) || !(asked <= all_.radius)) {
+    all_.radius = reach + slack;
+    nearest_.radius = 0.5 * slack;
     X_ = X;
     std::copy_n(x.begin(), problem.nodes, x_.begin());
     look(problem, placed, x);
+    asked = reach;
   }
-  return {entry_.data(), static_cast<std::size_t>(count_)};
+  const List& list = asked <= nearest_.radius ? nearest_ : all_;
+  return {list.entry.data(), static_cast<std::size_t>(list.count)};
 }
 
 // Infinite where another instrument is there than was; one that left takes nothing with it.
@@ -71,24 +75,27 @@ double SamplesInReach::moved(const CondensedProblem& problem, const InstrumentPo
 
 void SamplesInReach::look(const CondensedProblem& problem, const PlacedInstruments& placed,
                           const PatchPositions& x) noexcept {
-  count_ = 0;
+  all_.count = nearest_.count = 0;
   obstacle_ = 0;
   std::uint32_t face = 0, near = 0;
   for (int k = 0; k < problem.samples; ++k) {
     const PatchSample& sample = problem.sample[k];
     const bool next = k > 0 && !same_face(problem.sample[k - 1], sample);
     if (next) ++face;
-    if (next || k == 0) near = near_face(sample, placed, x, radius_);
+    if (next || k == 0) near = near_face(sample, placed, x, all_.radius);
     const bool obstacle = sample.node[0] < 0;
     if (!obstacle && near == 0) continue;
     const Vec3 s = sample_position(problem, x, k);
-    std::uint32_t of = 0;
+    std::uint32_t of = 0, nearest_of = 0;
     for (int i = 0; i < placed.count(); ++i) {
       if (!(near >> i & 1U)) continue;
       if (obstacle) obstacle_ = std::max(obstacle_, (s - X_[i].p).norm());
-      if (placed.at(i)->near(s, radius_)) of |= 1U << i;
+      if (!placed.at(i)->near(s, all_.radius)) continue;
+      of |= 1U << i;
+      if (placed.at(i)->near(s, nearest_.radius)) nearest_of |= 1U << i;
     }
-    if (of != 0) entry_[static_cast<std::size_t>(count_++)] = {k, face, of};
+    if (of != 0) all_.entry[static_cast<std::size_t>(all_.count++)] = {k, face, of};
+    if (nearest_of != 0) nearest_.entry[static_cast<std::size_t>(nearest_.count++)] = {k, face, nearest_of};
   }
 }
 

@@ -4,9 +4,10 @@
 //   moved = max_n ‖x_n − x_0,n‖ + max over instruments (‖Δp‖ + ‖Δθ‖ max_k ‖s_k − p‖)
 //
 // A tick looks at each sample of the patch several times, and only a few are near. They are looked for once,
-// R being `reach` and a slack, and again where things have moved or another reach is asked. d is what `near`
-// of a placed instrument compares, which changes by no more than points move. By sample, each with the
-// instruments that it is near. Whose samples they are the caller says by a number; 0 is nobody's, and such
+// R being `reach` and a slack, and again where things have moved or another reach is asked; those within half
+// the slack have a list of their own, for what asks for no reach. d is what `near` of a placed instrument
+// compares, which changes by no more than points move. By sample, each with the instruments that it is near.
+// Whose samples they are the caller says by a number; 0 is nobody's, and such
 // samples are looked for in each call. Units: m. Guarantee: wait-free, no allocation, O(nodes) where nothing
 // is looked for, else O(samples × primitives). Source: Verlet 1967 (neighbour lists).
 #pragma once
@@ -42,18 +43,22 @@ class SamplesInReach {
                             double slack) noexcept;
 
  private:
+  struct List {
+    double radius = -1;  // below zero: nothing is known
+    int count = 0;
+    std::array<Entry, max_patch_samples> entry;
+  };
+
   double moved(const CondensedProblem& problem, const InstrumentPoses& X,
                const PatchPositions& x) const noexcept;
   void look(const CondensedProblem& problem, const PlacedInstruments& placed,
             const PatchPositions& x) noexcept;
 
   std::uint64_t of_samples_ = 0;
-  double radius_ = -1;   // R; below zero: nothing is known
   double obstacle_ = 0;  // the farthest sample without nodes, from any X_0
   InstrumentPoses X_;
   PatchPositions x_;
-  int count_ = 0;
-  std::array<Entry, max_patch_samples> entry_;
+  List all_, nearest_;  // R, and half the slack
 };
 
 }  // namespace hapticd

@@ -324,5 +324,28 @@ TEST(Rows, DisplacedPatchStaysWhereItIsWhenAForceIsForgotten) {
   }
 }
 
+// Whatever order it is asked in, and of what it does not have.
+TEST(Memory, AskedInOrderOrNotItFindsTheSame) {
+  Random random(7);
+  ContactMemory memory;
+  for (std::uint64_t id = 10; id < 40; id += 3)
+    for (int instrument = 0; instrument < 2; ++instrument)
+      for (int primitive = static_cast<int>(id) % 2; primitive < 3; primitive += 2)
+        memory.entry[memory.count++] = {id, Vec3(1, 0, 0), Vec3::Zero(), false, primitive, instrument};
+  int found = 0;
+  for (const bool rising : {true, false}) {
+    int from = 0;
+    for (int k = 0; k < 45 * 2 * 3; ++k) {
+      const int at = rising ? k : static_cast<int>(uniform(random, 0, 45 * 2 * 3));
+      const auto id = static_cast<std::uint64_t>(at / 6);
+      const int instrument = at / 3 % 2, primitive = at % 3;
+      const ContactMemory::Entry* const e = memory.find(id, instrument, primitive, from);
+      EXPECT_EQ(e, memory.find(id, instrument, primitive)) << rising << " " << at;
+      found += rising && e != nullptr;
+    }
+  }
+  EXPECT_EQ(found, memory.count);
+}
+
 }  // namespace
 }  // namespace hapticd
