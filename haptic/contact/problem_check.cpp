@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+
+#include "physics/contact/delassus_columns.h"
 
 namespace hapticd {
 namespace {
@@ -48,24 +51,69 @@ bool is_sound(const InstrumentReference& i) noexcept {
          at_least_zero(i.coupling.rotational_stiffness) && at_least_zero(i.coupling.damping_time);
 }
 
-bool compliance_is_sound(const CondensedProblem& p) noexcept {
-  const auto C = p.C();
-  const int size = 3 * p.nodes;
+using delassus::Lanes;
+using delassus::load;
+
+// Of a compliance; the roots of its diagonal, and ε.
+struct ComplianceCheck {
+  const double* C;
+  int size;
   std::array<double, 3 * max_patch_nodes> root;
-  double largest = 0;
-  for (int i = 0; i < size; ++i) {
-    if (!at_least_zero(C(i, i))) return false;
-    root[i] = std::sqrt(C(i, i));
-    largest = std::max(largest, C(i, i));
+  double slack = 0;
+
+  const double* at(int i, int j) const noexcept { return C + static_cast<std::ptrdiff_t>(j) * size + i; }
+
+  // Not `>`: no number is no compliance.
+  bool entry(int i, int j) const noexcept {
+    return std::abs(*at(i, j)) <= root[i] * root[j] + slack && std::abs(*at(i, j) - *at(j, i)) <= slack;
   }
-  const double slack = tolerance * largest;
-  for (int j = 0; j < size; ++j)
-    for (int i = 0; i < j; ++i) {
-      // Not `>`: no number is no compliance.
-      if (!(std::abs(C(i, j)) <= root[i] * root[j] + slack && std::abs(C(i, j) - C(j, i)) <= slack))
-        return false;
+
+  // Rows i to i + 3 of columns j to j + 3 and their mirror, which is columns away.
+  bool tile(int i, int j) const noexcept {
+    const Lanes a = load(at(j, i)), b = load(at(j, i + 1)), c = load(at(j, i + 2)), d = load(at(j, i + 3));
+    const Lanes ab0 = __builtin_shufflevector(a, b, 0, 4, 2, 6),
+                ab1 = __builtin_shufflevector(a, b, 1, 5, 3, 7);
+    const Lanes cd0 = __builtin_shufflevector(c, d, 0, 4, 2, 6),
+                cd1 = __builtin_shufflevector(c, d, 1, 5, 3, 7);
+    const Lanes mirrored[4] = {
+        __builtin_shufflevector(ab0, cd0, 0, 1, 4, 5), __builtin_shufflevector(ab1, cd1, 0, 1, 4, 5),
+        __builtin_shufflevector(ab0, cd0, 2, 3, 6, 7), __builtin_shufflevector(ab1, cd1, 2, 3, 6, 7)};
+    const Lanes roots = load(root.data() + i);
+    auto sound = roots == roots;
+    for (int k = 0; k < 4; ++k) {
+      const Lanes own = load(at(i, j + k)), off = own - mirrored[k], most = roots * root[j + k] + slack;
+      sound &= (own <= most) & (own >= -most) & (off <= slack) & (off >= -slack);
     }
-  return true;
+    return sound[0] & sound[1] & sound[2] & sound[3];
+  }
+};
+
+bool compliance_is_sound(const CondensedProblem& p) noexcept {
+  ComplianceCheck check{p.C_pp.data(), 3 * p.nodes, {}, 0};
+  double largest = 0;
+  for (int i = 0; i < check.size; ++i) {
+    const double own = *check.at(i, i);
+    if (!at_least_zero(own)) return false;
+    check.root[i] = std::sqrt(own);
+    largest = std::max(largest, own);
+  }
+  check.slack = tolerance * largest;
+  // Tiles by blocks, whose mirrors' lines of memory then serve several.
+  constexpr int side = 4, block = 32;
+  bool sound = true;
+  const auto look = [&](int i, int j) {
+    if (j + side <= check.size) {
+      sound &= check.tile(i, j);
+      return;
+    }
+    for (int column = j; column < check.size; ++column)
+      for (int row = i; row < std::min(i + side, column); ++row) sound &= check.entry(row, column);
+  };
+  for (int left = 0; left < check.size; left += block)
+    for (int top = 0; top <= left; top += block)
+      for (int j = left; j < std::min(left + block, check.size); j += side)
+        for (int i = top; i < std::min(top + block, j + 1); i += side) look(i, j);
+  return sound;
 }
 
 }  // namespace
