@@ -27,6 +27,7 @@
 #include "server/observe/dds_log.h"
 #include "server/observe/log.h"
 #include "server/observe/metrics_server.h"
+#include "server/os/crash_report.h"
 #include "server/os/realtime.h"
 #include "server/os/room.h"
 #include "server/plan/plan.h"
@@ -370,6 +371,7 @@ int run(const Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  report_crashes();
   CLI::App app("A haptic server for soft tissue that is being cut.", "hapticd");
   Arguments arguments;
   define(app, arguments);

@@ -109,7 +109,7 @@ TEST_P(ResetWatchdog, WhoAsksWithoutEndDoesNotKeepTheDaemonFromItsEnd) {
   });
   std::this_thread::sleep_for(std::chrono::seconds(2));  // discovery, and some resets
   daemon_->signal(SIGTERM);
-  EXPECT_EQ(daemon_->wait(5), 0);
+  EXPECT_EQ(daemon_->wait(5), 0) << read_bytes(log_.file("daemon.log"));
 }
 
 INSTANTIATE_TEST_SUITE_P(, ResetWatchdog, testing::Values("tick", "event"),
