@@ -30,7 +30,7 @@ struct HapticOptions {
   // progress the last good wrench is held for 10 ms, then fades in 90 ms.
   double usable_residual = 1e-3;
   // Samples become rows at once if this many ticks like this one can reach them, or if they are within a
-  // tenth of the margin (ContactOptions::activation_distance). Infinity: all within the margin.
+  // fifth of the margin (ContactOptions::activation_distance). Infinity: all within the margin.
   double ticks_ahead = 3;
   // Of the contact solve, from the tick's intended time; three quarters of it at least from its begin. The
   // loop keeps the clock.

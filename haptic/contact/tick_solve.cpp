@@ -11,7 +11,7 @@ namespace hapticd {
 namespace {
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
-constexpr double least_of_margin = 0.1;    // samples that near are rows whatever moves
+constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 // Where those of X were before; who was not there, where it is.
