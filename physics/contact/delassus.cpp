@@ -99,7 +99,7 @@ double own_compliance(const CondensedProblem& problem, const PatchSample& s, con
   return sum;
 }
 
-// A contact of tissue without friction.
+// W_jj of a contact with tissue or an obstacle, without friction.
 double own_entry(const CondensedProblem& problem, const Vec6& K_inv_diag, const ContactRow& row) noexcept {
   const Vec3 n = row.frame.col(0), moment = row.arm.cross(n);
   const Vec3 shifts = K_inv_diag.head<3>(), turns = K_inv_diag.tail<3>(), squares = row.arm.cwiseAbs2();

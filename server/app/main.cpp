@@ -62,8 +62,7 @@ void define(CLI::App& app, Arguments& a) {
   app.footer(
       "Examples:\n  hapticd config/scenes/cataract/cataract.yaml --domain 7 --json run.json\n"
       "  hapticd config/scenes/two_hands/two_hands.yaml --edge-devices 1 --edge-domain 1    # the second "
-      "hand is a mentor's, "
-      "elsewhere");
+      "hand is a mentor's, elsewhere");
   app.set_version_flag("--version", std::string("hapticd ") + HAPTICD_VERSION);
   app.add_option("scene", a.scene, "The scene, a YAML file (config/README.md tells its keys)")->required();
   app.add_flag("--check", a.check,
@@ -136,8 +135,7 @@ void define_network(CLI::App& app, Arguments& a) {
   for (const char* name : {"--schedule", "--also"}) at_edge->excludes(app.get_option(name));
   app.add_option("--edge-domain", a.edge_domain,
                  "With --edge-devices: DDS domain of that edge, in the network of --interface; devices and "
-                 "clients in "
-                 "--domain are then on this machine alone")
+                 "clients in --domain are then on this machine alone")
       ->check(CLI::Range(0, 230))
       ->needs(at_edge);
   app.add_flag("--no-tank", a.no_tank,

@@ -2,7 +2,7 @@
 //
 // Calls are addresses in files, as addr2line and gdb take them: hapticd(+0x48b87b). What the default action
 // would have done follows, a core file included. A thread that has used up its stack cannot say anything.
-// Thread safety: once, at start-up. Errors: none; nothing is said where memory is past saying.
+// Thread safety: once, at start-up. Errors: none.
 #pragma once
 
 namespace hapticd {

@@ -72,6 +72,31 @@ TEST(ProblemCheck, TellsPoisonedFromSound) {
   }
 }
 
+// Whatever its size leaves over beyond the last tile.
+TEST(ProblemCheck, EveryEntryOfTheComplianceIsLookedAt) {
+  for (const int nodes : {1, 2, 3, 4, 5, 11, 12}) {
+    const auto problem = std::make_unique<CondensedProblem>();
+    problem->nodes = nodes;
+    problem->alarm_distance = 1e-3;
+    for (int n = 0; n < nodes; ++n) {
+      problem->x_free[n].setZero();
+      problem->x_now[n].setZero();
+      problem->pull[n].setZero();
+    }
+    problem->C().setIdentity();
+    ASSERT_TRUE(is_sound(*problem)) << nodes;
+    for (int i = 0; i < 3 * nodes; ++i)
+      for (int j = 0; j < 3 * nodes; ++j)
+        for (const double off : {nan, 0.01, 1.1, -1.1}) {
+          if (i == j && off > 0) continue;
+          const double before = problem->C()(i, j);
+          problem->C()(i, j) = off;
+          EXPECT_FALSE(is_sound(*problem)) << nodes << ": " << i << ", " << j << " " << off;
+          problem->C()(i, j) = before;
+        }
+  }
+}
+
 TEST(ProblemCheck, APoisonedProblemLatchesAndIsForgotten) {
   for (const Poison& poison : poisons) {
     auto state = std::make_unique<HapticState>();

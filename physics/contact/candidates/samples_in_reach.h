@@ -5,7 +5,7 @@
 //
 // A tick looks at each sample of the patch several times, and only a few are near. They are looked for once,
 // R being `reach` and a slack, and again where things have moved or another reach is asked; those within half
-// the slack have a list of their own, for what asks for no reach. d is what `near` of a placed instrument
+// the slack have a list of their own, which is enough for a short reach. d is what `near` of a placed instrument
 // compares, which changes by no more than points move. By sample, each with the instruments that it is near.
 // Whose samples they are the caller says by a number; 0 is nobody's, and such
 // samples are looked for in each call. Units: m. Guarantee: wait-free, no allocation, O(nodes) where nothing
