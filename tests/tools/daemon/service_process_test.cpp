@@ -15,8 +15,10 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <sstream>
 #include <thread>
+
 
 #include <gtest/gtest.h>
 
@@ -223,9 +225,6 @@ TEST_F(ServiceDaemon, AReloadedScaleIsFeltWithoutAStep) {
   Reader<hapticd_msg_ForceCommand> forces(participant);
   ChildProcess daemon(command());
   ASSERT_NE(hear(20'000 * ms, "READY=1").find("READY=1"), std::string::npos);
-  ChildProcess client({BIN_DIR "/haptic", "replay", held, "--from-scene", scene_.string(), "--domain",
-                       std::to_string(domain_)});
-
   double newest = 0, largest = 0;
   std::uint64_t number = 0;
   const auto watch = [&](std::int64_t time) {
@@ -237,8 +236,15 @@ TEST_F(ServiceDaemon, AReloadedScaleIsFeltWithoutAStep) {
         newest = force;
       });
   };
-  for (int i = 0; i < 100 && newest < 0.02; ++i) watch(100 * ms);
-  watch(1'500 * ms);
+  // A machine that stood still for 100 ms has let the device go: then the client begins again.
+  std::optional<ChildProcess> client;
+  for (int attempt = 0; attempt < 3 && newest < 0.02; ++attempt) {
+    client.reset();
+    client.emplace(std::vector<std::string>{BIN_DIR "/haptic", "replay", held, "--from-scene", scene_.string(),
+                                            "--domain", std::to_string(domain_)});
+    for (int i = 0; i < 80 && newest < 0.02; ++i) watch(100 * ms);
+    watch(1'500 * ms);
+  }
   const double before = newest;
   ASSERT_GT(before, 0.02) << "never in contact";
   largest = 0;
