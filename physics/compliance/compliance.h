@@ -94,7 +94,9 @@ class Compliance {
   // Throws std::invalid_argument for a node that the model has not.
   virtual void move_zone(std::span<const int> nodes) = 0;
 
-  // True if `patch` gives every free node of `nodes` after the next `update`.
+  // True if the zone that is in use has every free node of `nodes`: the last factor's, before there is one
+  // the zone wanted; with lazy and updown the latter. Others cost `patch` a half solve each with exact and
+  // zone.
   [[nodiscard]] virtual bool zone_covers(std::span<const int> nodes) const = 0;
 
   // Pre: these tetrahedra just went, and are dead in `after`. An `update` must follow before any use.
@@ -110,8 +112,8 @@ class Compliance {
   // Post: y = C b (both of 3·nodes entries; may alias).
   virtual void apply(const Eigen::Ref<const VecX>& b, Eigen::Ref<VecX> y) = 0;
 
-  // Pre: zone_covers(nodes) at the last update; std::invalid_argument otherwise. Post: `block`, 3·|nodes|
-  // square, is C_pp of these nodes; rows of fixed or orphan nodes are zero.
+  // Pre: with lazy and updown zone_covers(nodes) at the last update; std::invalid_argument otherwise. Post:
+  // `block`, 3·|nodes| square, is C_pp of these nodes; rows of fixed or orphan nodes are zero.
   virtual void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) = 0;
 
   [[nodiscard]] virtual ComplianceReport report() = 0;

@@ -38,8 +38,9 @@ class ExactCompliance final : public Compliance {
   }
 
   bool zone_covers(std::span<const int> nodes) const override {
+    const std::vector<std::uint8_t>& inside = factored_ ? in_corner_ : in_zone_;
     return std::all_of(nodes.begin(), nodes.end(),
-                       [&](int n) { return in_zone_[n] || model_.fixed[n] || n >= model_.nodes_in_use; });
+                       [&](int n) { return inside[n] || model_.fixed[n] || n >= model_.nodes_in_use; });
   }
 
   // `update` sees from the state what went.
@@ -74,6 +75,8 @@ class ExactCompliance final : public Compliance {
       else
         factor_.set_order(matrix_, order, live);
       order_is_current_ = true;
+      in_corner_ = in_zone_;
+      corner_nodes_ = static_cast<int>(zone_.size());
     }
     factored_ = corner_is_current_ = false;
     {
@@ -105,17 +108,22 @@ class ExactCompliance final : public Compliance {
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
     require_factor();
-    if (!order_is_current_ || !zone_covers(nodes))
-      throw std::invalid_argument("the patch leaves the zone of the last update");
-    const int zone_size = static_cast<int>(zone_.size());
-    if (!corner_is_current_) factor_.trailing_corner(zone_size, corner_);
+    if (!corner_is_current_) factor_.trailing_corner(corner_nodes_, corner_);
     corner_is_current_ = true;
-    const int zone_start = matrix_.node_count() - zone_size;
+    const int corner_start = matrix_.node_count() - corner_nodes_;
     places_.clear();
-    for (const int n : nodes)
-      places_.push_back(n < matrix_.node_count() && matrix_.in_system(n) ? factor_.place(n) - zone_start
-                                                                         : -1);
-    patch_inverse_(corner_, places_, block);
+    outside_.clear();
+    places_outside_.clear();
+    for (const int n : nodes) {
+      const bool known = n < matrix_.node_count() && matrix_.in_system(n), inside = known && in_corner_[n];
+      if (known && !inside) {
+        outside_.push_back(static_cast<int>(places_.size()));
+        places_outside_.push_back(factor_.place(n));
+      }
+      places_.push_back(inside ? factor_.place(n) - corner_start : -1);
+    }
+    if (!outside_.empty()) factor_.half_solve(places_outside_, half_solved_);
+    patch_inverse_(corner_, places_, outside_, half_solved_, block);
   }
 
   ComplianceReport report() override {
@@ -141,7 +149,8 @@ class ExactCompliance final : public Compliance {
         constant_(!model.corotational),
         fill_order_(fill_reducing_order(graph)),
         matrix_(model, graph, h),
-        in_zone_(model.node_count(), 0) {}
+        in_zone_(model.node_count(), 0),
+        in_corner_(model.node_count(), 0) {}
 
   void require_factor() const {
     if (!factored_) throw std::runtime_error("the compliance was used before a successful update");
@@ -159,10 +168,11 @@ class ExactCompliance final : public Compliance {
   SystemMatrix matrix_;
   Factor factor_;
   PatchInverse patch_inverse_;
-  std::vector<int> zone_;
-  std::vector<std::uint8_t> in_zone_;
-  std::vector<int> places_;
-  MatX corner_;
+  std::vector<int> zone_;  // wanted of the next factor
+  std::vector<std::uint8_t> in_zone_, in_corner_;
+  int corner_nodes_ = 0;  // of the factor that there is
+  std::vector<int> places_, outside_, places_outside_;
+  MatX corner_, half_solved_;
   bool mesh_is_current_ = true;
   bool order_is_current_ = false;
   bool factored_ = false;

@@ -7,6 +7,7 @@ namespace hapticd {
 namespace {
 
 constexpr std::size_t large = 200;  // nodes: more than an instrument's patch has
+constexpr int panel = 16;           // nodes
 
 // The places that are coupled, by the lowest of them.
 void find_components(const PatchInverse::Corner& L, std::vector<int>& of) {
@@ -65,8 +66,33 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eige
   }
 }
 
+void PatchInverse::operator()(const Corner& L, std::span<const int> places, std::span<const int> outside,
+                              const MatX& Y, Eigen::Ref<MatX> block) {
+  if (outside.empty()) return operator()(L, places, block);
+  invert(L, places, block);
+  const int out = static_cast<int>(outside.size()), inside = static_cast<int>(sorted_.size());
+  D_.noalias() = Y.transpose() * Y;
+  for (int i = 0; i < out; ++i)
+    for (int j = 0; j <= i; ++j) {
+      Mat3 entry = D_.block<3, 3>(3 * i, 3 * j);
+      if (i == j) entry.triangularView<Eigen::StrictlyUpper>() = entry.transpose();
+      block.block<3, 3>(3 * outside[i], 3 * outside[j]) = entry;
+      block.block<3, 3>(3 * outside[j], 3 * outside[i]) = entry.transpose();
+    }
+  for (int j = 0; j < inside; j += panel) {
+    const int nodes = std::min(panel, inside - j);
+    const Eigen::Index height = L.rows() - 3 * places[sorted_[j]];
+    D_.noalias() = Y.bottomRows(height).transpose() * X_.block(L.rows() - height, 3 * j, height, 3 * nodes);
+    for (int k = 0; k < nodes; ++k)
+      for (int i = 0; i < out; ++i) {
+        const Mat3 entry = D_.block<3, 3>(3 * i, 3 * k);
+        block.block<3, 3>(3 * outside[i], 3 * sorted_[j + k]) = entry;
+        block.block<3, 3>(3 * sorted_[j + k], 3 * outside[i]) = entry.transpose();
+      }
+  }
+}
+
 void PatchInverse::invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
-  constexpr int panel = 16;  // nodes
   sorted_.clear();
   for (int k = 0; k < static_cast<int>(places.size()); ++k)
     if (places[k] >= 0) sorted_.push_back(k);

@@ -125,6 +125,28 @@ void CholmodFactor::solve() {
     throw std::runtime_error("CHOLMOD could not solve with the factor");
 }
 
+void CholmodFactor::half_solve(std::span<const int> places, MatX& Y) {
+  forbid_openmp_threads();
+  const auto rows = static_cast<Eigen::Index>(L_->n), columns = static_cast<Eigen::Index>(3 * places.size());
+  Y.setZero(rows, columns);
+  for (std::size_t k = 0; k < places.size(); ++k)
+    Y.block<3, 3>(3 * places[k], static_cast<Eigen::Index>(3 * k)).setIdentity();
+  MatX work(static_cast<Eigen::Index>(std::max<std::size_t>(L_->maxesize, 1)), columns);
+  const auto dense = [](MatX& m) {
+    cholmod_dense d{};
+    d.nrow = d.d = static_cast<std::size_t>(m.rows());
+    d.ncol = static_cast<std::size_t>(m.cols());
+    d.nzmax = static_cast<std::size_t>(m.size());
+    d.x = m.data();
+    d.xtype = CHOLMOD_REAL;
+    d.dtype = CHOLMOD_DOUBLE;
+    return d;
+  };
+  cholmod_dense y = dense(Y), w = dense(work);
+  if (!cholmod_super_lsolve(L_, &y, &w, &common_))
+    throw std::runtime_error("CHOLMOD could not solve with the factor");
+}
+
 std::size_t CholmodFactor::memory_bytes() const noexcept {
   return L_ ? L_->xsize * sizeof(double) + (L_->ssize + 3 * L_->nsuper + L_->n) * sizeof(int) : 0;
 }

@@ -48,6 +48,9 @@ class CholmodFactor {
   }
   void solve();
 
+  // Y = L⁻¹ E: three columns for each of these places.
+  void half_solve(std::span<const int> places, MatX& Y);
+
   // The trailing corner of L: rows and columns of the last `nodes` nodes, strict upper triangle zero.
   void trailing_corner(int nodes, MatX& corner) const;
 

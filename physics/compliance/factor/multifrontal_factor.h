@@ -54,6 +54,9 @@ class MultifrontalFactor {
   Eigen::Map<VecX> vector() noexcept { return {x_.data(), x_.size()}; }
   void solve() noexcept;
 
+  // Y = L⁻¹ E: three columns for each of these places.
+  void half_solve(std::span<const int> places, MatX& Y);
+
   // The trailing corner of L: rows and columns of the last `nodes` nodes, strict upper triangle zero.
   void trailing_corner(int nodes, MatX& corner) const;
 
@@ -67,6 +70,8 @@ class MultifrontalFactor {
   PageMemory workspace_;
   std::vector<double> reciprocal_;  // of the diagonal of L
   std::vector<double> gathered_;
+  std::vector<std::uint8_t> reached_;  // fronts, in a half solve
+  MatX below_;
   VecX x_;
 };
 

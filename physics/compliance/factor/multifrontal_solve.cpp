@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "physics/compliance/factor/multifrontal_factor.h"
 #include "physics/compliance/factor/panel_kernels.h"
 
@@ -27,6 +29,39 @@ void MultifrontalFactor::solve() noexcept {
     for (int i = 0; i < count; ++i) t[i] = x_[row[i]];
     panels::subtract_transposed(panel + front->width, stride, count, front->width, t, own);
     panels::solve_upper(panel, stride, front->width, own);
+  }
+}
+
+// Forward alone, all columns at a time. A node's entries reach its own front and those above it, no others.
+void MultifrontalFactor::half_solve(std::span<const int> places, MatX& Y) {
+  using Panel = Eigen::Map<const MatX, 0, Eigen::OuterStride<>>;
+  const auto columns = static_cast<Eigen::Index>(3 * places.size());
+  Y.setZero(x_.size(), columns);
+  reached_.assign(plan_.fronts.size(), 0);
+  const auto reach = [&](int row) {
+    const auto next = std::upper_bound(plan_.fronts.begin(), plan_.fronts.end(), row,
+                                       [](int r, const FrontPlan::Front& f) { return r < f.first; });
+    reached_[static_cast<std::size_t>(next - plan_.fronts.begin()) - 1] = 1;
+  };
+  for (std::size_t k = 0; k < places.size(); ++k) {
+    const Eigen::Index row = 3 * places[k];
+    Y.block<3, 3>(row, static_cast<Eigen::Index>(3 * k)).setIdentity();
+    reach(static_cast<int>(row));
+  }
+  for (std::size_t s = 0; s < plan_.fronts.size(); ++s) {
+    if (!reached_[s]) continue;
+    const FrontPlan::Front& front = plan_.fronts[s];
+    const Panel panel(values_.data() + front.panel, front.size, front.width,
+                      Eigen::OuterStride<>(front.stride));
+    auto own = Y.middleRows(front.first, front.width);
+    panel.topRows(front.width).triangularView<Eigen::Lower>().solveInPlace(own);
+    const int count = front.size - front.width;
+    if (count == 0) continue;
+    below_.noalias() = panel.bottomRows(count) * own;
+    const int* row = plan_.below.data() + front.below;
+    for (Eigen::Index c = 0; c < columns; ++c)
+      for (int i = 0; i < count; ++i) Y(row[i], c) -= below_(i, c);
+    reach(row[0]);
   }
 }
 

@@ -29,6 +29,7 @@ struct GrownShape {
   int instrument = 0;
   Pose placement;
   Vec3 centre = Vec3::Zero();
+  Vec3 half = Vec3::Zero();  // of its box in its own axes: a slanting shaft has a wide one in the world's
   std::function<Box(const Transform&)> box;
   std::function<bool(const Transform&, const std::array<Vec3, 3>& face)> touches;
 };
@@ -44,7 +45,9 @@ GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
     return fcl::detail::GJKSolver_libccd<double>().shapeTriangleIntersect(shape, T, face[0], face[1],
                                                                           face[2]);
   };
-  return {0, {}, centre, box, touches};
+  Box own;
+  fcl::computeBV(shape, Transform(Transform::Identity()), own);
+  return {0, {}, centre, 0.5 * (own.max_ - own.min_), box, touches};
 }
 
 GrownShape grown(const Primitive& p, double margin) {
@@ -66,11 +69,17 @@ GrownShape grown(const Primitive& p, double margin) {
 
 constexpr double most_stretch = 1e3;  // of a face, in the body's widest at first
 
+struct Ball {
+  Vec3 centre;
+  double radius;
+};
+
 struct Body {
   std::vector<SurfaceFace> faces;
   double widest = 0;                         // face at first [m]
   std::vector<std::array<Vec3, 3>> corners;  // of each face
   std::vector<Box> boxes;
+  std::vector<Ball> balls;
 };
 
 }  // namespace
@@ -102,10 +111,15 @@ void require_bounded(std::span<const SurfaceFace> faces, double widest, int inde
 void find_boxes(Body& body, std::span<const Vec3> positions) {
   body.corners.resize(body.faces.size());
   body.boxes.resize(body.faces.size());
+  body.balls.resize(body.faces.size());
   for (std::size_t f = 0; f < body.faces.size(); ++f) {
     const auto [a, b, c] = body.faces[f].nodes;
     body.corners[f] = {positions[a], positions[b], positions[c]};
     body.boxes[f] = Box(positions[a], positions[b], positions[c]);
+    const Vec3 centre = (positions[a] + positions[b] + positions[c]) / 3;
+    double square = 0;
+    for (const Vec3& corner : body.corners[f]) square = std::max(square, (corner - centre).squaredNorm());
+    body.balls[f] = {centre, std::sqrt(square)};
   }
 }
 
@@ -153,10 +167,15 @@ void Collision::near_faces(const InstrumentPoses& poses, std::vector<NearFace>& 
     T.linear() = (X.q * shape.placement.q).toRotationMatrix();
     T.translation() = X.to_world(shape.placement.to_world(shape.centre));
     const Box box = shape.box(T);
+    const Mat3 own_axes = T.linear().transpose();
+    const auto may_touch = [&](const Ball& ball) {
+      const Vec3 beyond = (own_axes * (ball.centre - T.translation())).cwiseAbs() - shape.half;
+      return beyond.maxCoeff() <= (1 + 1e-6) * ball.radius;
+    };
     for (std::size_t b = 0; b < impl_->bodies.size(); ++b) {
       const Body& body = impl_->bodies[b];
       for (std::size_t f = 0; f < body.boxes.size(); ++f)
-        if (body.boxes[f].overlap(box) && shape.touches(T, body.corners[f]))
+        if (body.boxes[f].overlap(box) && may_touch(body.balls[f]) && shape.touches(T, body.corners[f]))
           out.push_back({static_cast<int>(b), static_cast<int>(f)});
     }
   }

@@ -14,16 +14,26 @@ constexpr int most_bounded = 25;
 constexpr double most_plausible = 2;  // edges that a free motion takes a node without being looked into
 constexpr double far = 0.5;           // … of a node that joins the zone where it was not plausible
 constexpr std::size_t most_far = 80;  // nodes
+constexpr int most_left_out = 8;      // of the nodes needed, by a zone that stays
+
+int not_covered(const Compliance& compliance, std::span<const int> nodes) {
+  return static_cast<int>(std::count_if(
+      nodes.begin(), nodes.end(), [&](const int& n) { return !compliance.zone_covers(std::span(&n, 1)); }));
+}
 
 }  // namespace
 
 FactorStage::FactorStage(const WorldSettings& settings, std::size_t bodies)
-    : references(bodies), keeps_references_(keeps_references(settings)), predicts_(predicts(settings)) {}
+    : references(bodies),
+      keeps_references_(keeps_references(settings)),
+      factors_in_step_(settings.compliance == ComplianceMethod::exact),
+      predicts_(predicts(settings)) {}
 
 void FactorStage::run(const StepContext& c, const InstrumentSamples& samples, StepReport& report) {
   for (int b = 0; b < c.body_count(); ++b) {
     if (!is_awake(c.bodies[b])) continue;
-    if (any_present(samples) || !c.contacts.nodes_of(b).empty()) follow(c, b, samples, {});
+    const bool settled = factors_in_step_ && c.bodies[b].free.ahead;  // with the zone of the step before
+    if (!settled && (any_present(samples) || !c.contacts.nodes_of(b).empty())) follow(c, b, samples, {});
     ++report.awake_bodies;
     if (!c.bodies[b].free.ahead) factor(c, b, report);
   }
@@ -79,7 +89,7 @@ void FactorStage::follow(const StepContext& c, int b, const InstrumentSamples& s
   const InstrumentPoses X = poses_of(samples);
   const bool covered = keeps_references_ ? move_zone(c, b, X, {}, nodes) : move_zone(c, b, X, nodes, nodes);
   if (!covered) references.want(b);
-  if (!covered && !keeps_references_) c.bodies[b].free.ahead = false;
+  if (!covered && !keeps_references_ && !factors_in_step_) c.bodies[b].free.ahead = false;
 }
 
 // Returns whether the zone that the compliance has covers what is needed.
@@ -90,7 +100,8 @@ bool FactorStage::move_zone(const StepContext& c, int b, const InstrumentPoses& 
   const Zone zone =
       select_zone(c.bodies[b], {c.instruments, c.motion, X, c.settings.alarm_distance, keeps_references_,
                                 references.progress(b).last_steps, first, needed, c.contacts.nodes_of(b)});
-  const bool covered = compliance.zone_covers(zone.needed);
+  // Few nodes left out cost less than the plan of another zone.
+  const bool covered = not_covered(compliance, zone.needed) <= (factors_in_step_ ? most_left_out : 0);
   // A zone for the next reference factor may follow the instrument at every step; one that is factored here
   // may not.
   if (!keeps_references_ && covered) return true;
@@ -102,11 +113,11 @@ bool FactorStage::move_zone(const StepContext& c, int b, const InstrumentPoses& 
 void FactorStage::cover(const StepContext& c, int b, const InstrumentSamples& samples,
                         std::span<const int> nodes, StepReport& report) {
   Body& body = c.bodies[b];
-  if (body.compliance->zone_covers(nodes)) return;
+  if (not_covered(*body.compliance, nodes) <= (factors_in_step_ ? most_outside : 0)) return;
   // The instrument outran the zone within one step: factor again with the zone where it is now, or ask for
   // a reference factor there and meanwhile pay for a half solve per node.
   follow(c, b, samples, nodes);
-  if (body.compliance->zone_covers(nodes)) return body.compliance->update(body.state);
+  if (factors_in_step_ || body.compliance->zone_covers(nodes)) return body.compliance->update(body.state);
   std::vector<int> uncovered;
   for (const int n : nodes)
     if (!body.compliance->zone_covers(std::span(&n, 1))) uncovered.push_back(n);

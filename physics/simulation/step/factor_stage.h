@@ -16,6 +16,9 @@
 
 namespace hapticd {
 
+// Of a body's nodes in a problem, that its factor's zone does not have: each costs a half solve.
+inline constexpr int most_outside = 12;
+
 class FactorStage {
  public:
   FactorStage(const WorldSettings& settings, std::size_t bodies);
@@ -53,6 +56,7 @@ class FactorStage {
                  std::span<const int> needed) const;
 
   bool keeps_references_;
+  bool factors_in_step_;  // `exact`, which needs no zone for few nodes
   bool predicts_;
 };
 

@@ -6,13 +6,12 @@
 
 #include <algorithm>
 
+#include "physics/simulation/step/factor_stage.h"
 #include "physics/simulation/step/instrument_contact.h"
 #include "physics/simulation/step/interim.h"
 
 namespace hapticd {
 namespace {
-
-constexpr int most_uncovered = 12;  // of a body's nodes in an interim problem
 
 // False: this body has no condensed system without what went.
 bool fill_body(const StepContext& c, int b, std::span<const int> gone, const PatchForce& pressed,
@@ -44,8 +43,9 @@ bool fill_body(const StepContext& c, int b, std::span<const int> gone, const Pat
       f.segment<3>(3 * place_of(pressed.nodes[i].node)) = pressed.force.segment<3>(at);
   }
   know_free_motion(body, nodes);
-  // Method zone alone gives what is outside its zone, at half a solve for each.
-  const int uncovered = c.settings.compliance == ComplianceMethod::zone ? most_uncovered : 0;
+  const ComplianceMethod method = c.settings.compliance;
+  const int uncovered =
+      method == ComplianceMethod::zone || method == ComplianceMethod::exact ? most_outside : 0;
   Condensed condensed;
   if (!woodbury_downdate(body, gone, {}, body.free.ahead ? Linearised::ahead : Linearised::here, c.settings.h,
                          nodes, kept, f.head(3 * static_cast<Eigen::Index>(nodes.size())), uncovered,

@@ -6,6 +6,8 @@
 
 #include <utility>
 
+#include "physics/simulation/step/factor_stage.h"
+
 namespace hapticd {
 namespace {
 
@@ -63,7 +65,7 @@ bool Refresh::apply_to_body(const StepContext& c, int b, const VecX& patch_force
   Body& body = c.bodies[b];
   NodeList list(body, b, c.patch.nodes());
   const VecX f = force_on(list, patch_force);
-  if (f.isZero(0) || !body.compliance->zone_covers(list.nodes)) return false;
+  if (f.isZero(0) || (body.references && !body.compliance->zone_covers(list.nodes))) return false;
   const std::vector<StaleRotation> stale =
       stale_rotations(body, motion_in_zone(body, list, f, changes_[b]), least_change * f.norm());
   if (stale.empty()) return false;
@@ -71,7 +73,8 @@ bool Refresh::apply_to_body(const StepContext& c, int b, const VecX& patch_force
     for (const int n : body.model.mesh.tets[t.tet]) list.add(n);
   Condensed condensed;
   if (!woodbury_downdate(body, {}, stale, Linearised::ahead, c.settings.h, list.nodes, list.kept(),
-                         VecX::Zero(3 * static_cast<Eigen::Index>(list.nodes.size())), 0, condensed))
+                         VecX::Zero(3 * static_cast<Eigen::Index>(list.nodes.size())),
+                         c.settings.compliance == ComplianceMethod::exact ? most_outside : 0, condensed))
     return false;
   for (int i = 0; i < list.kept(); ++i) {
     problem.x_free[list.index[i]] = body.state.x[list.nodes[i]] + condensed.dx_free.segment<3>(3 * i);
