@@ -12,6 +12,8 @@ namespace {
 
 constexpr double zone_keep = 1.15;     // in alarm distances: every node this near must be in the zone
 constexpr double zone_reach = 1.6;     // … and a new zone reaches this far
+constexpr double step_keep = 1.0;      // both of a factor that a step makes: its corner is dense, and the
+constexpr double step_reach = 1.25;    // compliance gives what it leaves out as well
 constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
 constexpr std::size_t max_zone_nodes = 200;
 constexpr std::size_t max_halo_nodes = 200;
@@ -20,7 +22,9 @@ constexpr double pose_spacing = 0.5;  // of a zone's way, in alarm distances
 constexpr double most_poses = 8;      // … of them
 
 double zone_radius(const Body& body, const ZoneRequest& r) {
-  const double new_zone = body.model.corotational || r.made_elsewhere ? zone_reach : lasting_reach;
+  const double new_zone = r.made_elsewhere          ? zone_reach
+                          : body.model.corotational ? step_reach
+                                                    : lasting_reach;
   return new_zone * r.alarm_distance + (r.made_elsewhere ? body.edge : 0);
 }
 
@@ -68,7 +72,7 @@ void add_instrument(const Body& body, const ZoneRequest& r, int i, Nearness& nea
   const double way = 1.6 * (pose_in(replaced).p - pose_in(adopted).p).norm();
   const int poses =
       static_cast<int>(std::min(most_poses, std::ceil(way / (pose_spacing * r.alarm_distance))));
-  const double near = zone_keep * r.alarm_distance;
+  const double near = (r.made_elsewhere ? zone_keep : step_keep) * r.alarm_distance;
 
   const auto gap_below = [&](const PlacedInstrument& there, double bound, int n) {
     return there.near(body.state.x[n], bound) ? std::min(bound, there.gap(body.state.x[n]).distance) : bound;

@@ -42,14 +42,14 @@ class ZoneSelection : public testing::Test {
 
 bool has(const std::vector<int>& nodes, int n) { return std::count(nodes.begin(), nodes.end(), n) > 0; }
 
-// 1.6 alarm distances far; what a face has within 1.15 is needed.
+// 1.25 alarm distances far; what a face has within one is needed.
 TEST_F(ZoneSelection, ItIsWhatIsNearTheInstrument) {
   const Zone zone = select_zone(body, request(false));
   EXPECT_TRUE(zone.halo.empty());
   for (int n = 0; n < body.model.node_count(); ++n) {
-    EXPECT_EQ(has(zone.nodes, n), gap(n) < 1.6 * alarm_distance) << gap(n);
+    EXPECT_EQ(has(zone.nodes, n), gap(n) < 1.25 * alarm_distance) << gap(n);
     const bool on_top = body.rest()[n].z() > 0.02 - 1e-9;
-    if (on_top && gap(n) < 1.15 * alarm_distance) {
+    if (on_top && gap(n) < alarm_distance) {
       EXPECT_TRUE(has(zone.needed, n));
     }
   }
