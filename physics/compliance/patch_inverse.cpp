@@ -9,6 +9,13 @@ namespace {
 constexpr std::size_t large = 200;  // nodes: more than an instrument's patch has
 constexpr int panel = 16;           // nodes
 
+// Of nodes i and j, in a symmetric block.
+void put(Eigen::Ref<MatX> block, int i, int j, Mat3 entry) {
+  if (i == j) entry.triangularView<Eigen::StrictlyUpper>() = entry.transpose();
+  block.block<3, 3>(3 * i, 3 * j) = entry;
+  block.block<3, 3>(3 * j, 3 * i) = entry.transpose();
+}
+
 // The places that are coupled, by the lowest of them.
 void find_components(const PatchInverse::Corner& L, std::vector<int>& of) {
   const int count = static_cast<int>(L.rows() / 3);
@@ -73,22 +80,13 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, std:
   const int out = static_cast<int>(outside.size()), inside = static_cast<int>(sorted_.size());
   D_.noalias() = Y.transpose() * Y;
   for (int i = 0; i < out; ++i)
-    for (int j = 0; j <= i; ++j) {
-      Mat3 entry = D_.block<3, 3>(3 * i, 3 * j);
-      if (i == j) entry.triangularView<Eigen::StrictlyUpper>() = entry.transpose();
-      block.block<3, 3>(3 * outside[i], 3 * outside[j]) = entry;
-      block.block<3, 3>(3 * outside[j], 3 * outside[i]) = entry.transpose();
-    }
+    for (int j = 0; j <= i; ++j) put(block, outside[i], outside[j], D_.block<3, 3>(3 * i, 3 * j));
   for (int j = 0; j < inside; j += panel) {
     const int nodes = std::min(panel, inside - j);
     const Eigen::Index height = L.rows() - 3 * places[sorted_[j]];
     D_.noalias() = Y.bottomRows(height).transpose() * X_.block(L.rows() - height, 3 * j, height, 3 * nodes);
     for (int k = 0; k < nodes; ++k)
-      for (int i = 0; i < out; ++i) {
-        const Mat3 entry = D_.block<3, 3>(3 * i, 3 * k);
-        block.block<3, 3>(3 * outside[i], 3 * sorted_[j + k]) = entry;
-        block.block<3, 3>(3 * sorted_[j + k], 3 * outside[i]) = entry.transpose();
-      }
+      for (int i = 0; i < out; ++i) put(block, outside[i], sorted_[j + k], D_.block<3, 3>(3 * i, 3 * k));
   }
 }
 
@@ -117,12 +115,7 @@ void PatchInverse::invert(const Corner& L, std::span<const int> places, Eigen::R
 
   block.setZero();
   for (int i = 0; i < count; ++i)
-    for (int j = 0; j <= i; ++j) {
-      Mat3 entry = C_.block<3, 3>(3 * i, 3 * j);
-      if (i == j) entry.triangularView<Eigen::StrictlyUpper>() = entry.transpose();
-      block.block<3, 3>(3 * sorted_[i], 3 * sorted_[j]) = entry;
-      block.block<3, 3>(3 * sorted_[j], 3 * sorted_[i]) = entry.transpose();
-    }
+    for (int j = 0; j <= i; ++j) put(block, sorted_[i], sorted_[j], C_.block<3, 3>(3 * i, 3 * j));
 }
 
 }  // namespace hapticd

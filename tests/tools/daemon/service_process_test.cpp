@@ -19,7 +19,6 @@
 #include <sstream>
 #include <thread>
 
-
 #include <gtest/gtest.h>
 
 #include "haptic/loop.h"
@@ -240,8 +239,8 @@ TEST_F(ServiceDaemon, AReloadedScaleIsFeltWithoutAStep) {
   std::optional<ChildProcess> client;
   for (int attempt = 0; attempt < 3 && newest < 0.02; ++attempt) {
     client.reset();
-    client.emplace(std::vector<std::string>{BIN_DIR "/haptic", "replay", held, "--from-scene", scene_.string(),
-                                            "--domain", std::to_string(domain_)});
+    client.emplace(std::vector<std::string>{BIN_DIR "/haptic", "replay", held, "--from-scene",
+                                            scene_.string(), "--domain", std::to_string(domain_)});
     for (int i = 0; i < 80 && newest < 0.02; ++i) watch(100 * ms);
     watch(1'500 * ms);
   }

@@ -93,8 +93,9 @@ class TwoHandsWatchdog : public testing::TestWithParam<std::tuple<const char*, i
     from_a_ = first_->count();
     from_b_ = second_->count();
   }
-  // Mean of a hundred forces or more that nothing troubled and that agree, of several steps of the simulation: the
-  // machine may hold up anybody for a while, and a simulation that stands still has steady forces, too.
+  // Mean of a hundred forces or more that nothing troubled and that agree, of several steps of the
+  // simulation: the machine may hold up anybody for a while, and a simulation that stands still has steady
+  // forces, too.
   double steady() const {
     constexpr std::size_t fewest = 100;
     constexpr std::uint64_t steps = 6;

@@ -1,5 +1,6 @@
-// `haptic device run` as a process, on fakes of the makers' libraries and service: the pose in and the force out
-// by hand answers, and every failure ends in zero force on the fake within 10 ms, by the fake's own times.
+// `haptic device run` as a process, on fakes of the makers' libraries and service: the pose in and the force
+// out by hand answers, and every failure ends in zero force on the fake within 10 ms, by the fake's own
+// times.
 #include <csignal>
 #include <fstream>
 #include <functional>
@@ -41,8 +42,9 @@ class DeviceDriver : public testing::TestWithParam<Maker> {
     return fake_device(true);
   }
   void start(std::vector<std::string> more = {}) {
-    std::vector<std::string> words = {BIN_DIR "/haptic", "device",     "run", GetParam().kind,
-                                      "--domain",        std::to_string(domain_), "--scene-id", "3"};
+    std::vector<std::string> words = {BIN_DIR "/haptic", "device",   "run",
+                                      GetParam().kind,   "--domain", std::to_string(domain_),
+                                      "--scene-id",      "3"};
     if (*GetParam().library) {
       words.insert(words.end(), {"--library", GetParam().library});
     } else {
@@ -59,7 +61,9 @@ class DeviceDriver : public testing::TestWithParam<Maker> {
     }
     return false;
   }
-  double felt() const { return fake_.motors ? std::hypot(fake_.force[0], fake_.force[1], fake_.force[2]) : 0; }
+  double felt() const {
+    return fake_.motors ? std::hypot(fake_.force[0], fake_.force[1], fake_.force[2]) : 0;
+  }
   bool pressed() const { return felt() > 1.85; }  // of 1.87 N
   std::string text() const {
     std::ifstream in(output_);
@@ -104,7 +108,8 @@ class DeviceDriver : public testing::TestWithParam<Maker> {
   void expect_end(int code, const std::string& says) {
     const int ended = driver_->wait(8000);
     // A stall within a call is a call that hangs: the guard cuts its connection, and the device is lost.
-    if (ended == 1 && stalled_ && text().find("a call of the maker's library took too long") != std::string::npos)
+    if (ended == 1 && stalled_ &&
+        text().find("a call of the maker's library took too long") != std::string::npos)
       return;
     EXPECT_EQ(ended, code) << text();
     EXPECT_NE(text().find(says), std::string::npos) << text();
@@ -218,8 +223,8 @@ class DeviceDriverOnTheCube : public DeviceDriver {};
 
 TEST_P(DeviceDriverOnTheCube, AKilledDaemonIsZero) {
   daemon_.reset();
-  ChildProcess daemon({BIN_DIR "/hapticd", SOURCE_DIR "/config/scenes/cube/cube.yaml", "--domain",
-                       std::to_string(domain_)});
+  ChildProcess daemon(
+      {BIN_DIR "/hapticd", SOURCE_DIR "/config/scenes/cube/cube.yaml", "--domain", std::to_string(domain_)});
   const auto put = [&](double z) {  // house frame, above the cube's middle
     fake_.position[0] = fake_.position[1] = 0;
     fake_.position[2] = 0;
