@@ -4,6 +4,7 @@
 // they come, in Cyclone's receive thread, from the first daemon heard alone.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -86,6 +87,8 @@ class ScriptedClient {
     const std::lock_guard lock(receiving_);
     return {forces_.begin() + static_cast<std::ptrdiff_t>(std::min(from, forces_.size())), forces_.end()};
   }
+  // Between two milliseconds' states: the machine may hold up the client itself.
+  std::int64_t longest_pause_ms() const { return longest_pause_ns_ / 1'000'000; }
   std::uint64_t strange_forces() const { return reader_.strange_forces(); }
   std::size_t count() const {
     const std::lock_guard lock(receiving_);
@@ -109,9 +112,13 @@ class ScriptedClient {
  private:
   void run() {
     auto next = std::chrono::steady_clock::now();
+    std::int64_t before = monotonic_ns();
     while (!stopping_) {
       std::this_thread::sleep_until(next += std::chrono::milliseconds(1));
       const std::lock_guard lock(sending_);
+      const std::int64_t now = monotonic_ns();
+      longest_pause_ns_ = std::max(longest_pause_ns_.load(), now - before);
+      before = now;
       for (int i = 0; i < states_; ++i) send();
     }
   }
@@ -144,6 +151,7 @@ class ScriptedClient {
   mutable std::mutex receiving_;
   std::vector<Force> forces_;
   std::atomic<bool> stopping_{false};
+  std::atomic<std::int64_t> longest_pause_ns_{0};
   Writer<State> writer_;
   ForceReader reader_;
   std::thread thread_;

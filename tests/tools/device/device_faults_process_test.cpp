@@ -70,6 +70,10 @@ class DeviceDriver : public testing::TestWithParam<Maker> {
     return {std::istreambuf_iterator<char>(in), {}};
   }
 
+  bool took_too_long() const {
+    return text().find("a call of the maker's library took too long") != std::string::npos;
+  }
+
   // Between the failure and the last moment with a force on the fake; the machine's own stalls are not ours.
   void expect_zero_within_10_ms(std::int64_t failed_ns, WatchedMachine machine) {
     const std::uint32_t count = fake_.events;
@@ -94,7 +98,13 @@ class DeviceDriver : public testing::TestWithParam<Maker> {
   // Pressed, then the failure.
   void fail(const std::function<void()>& failure) {
     start();
-    ASSERT_TRUE(await([&] { return pressed(); })) << text();
+    bool there = await([&] { return pressed(); });
+    // A stall within a call is a call that hangs: the guard cuts its connection, and it begins again.
+    for (int again = 0; again < 2 && !there && took_too_long(); ++again) {
+      start();
+      there = await([&] { return pressed(); });
+    }
+    ASSERT_TRUE(there) << text();
     StallWatch watch;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     const std::int64_t failed = FakeDevice::now_ns();
@@ -107,10 +117,8 @@ class DeviceDriver : public testing::TestWithParam<Maker> {
   }
   void expect_end(int code, const std::string& says) {
     const int ended = driver_->wait(8000);
-    // A stall within a call is a call that hangs: the guard cuts its connection, and the device is lost.
-    if (ended == 1 && stalled_ &&
-        text().find("a call of the maker's library took too long") != std::string::npos)
-      return;
+    // As in `fail`: the device is lost.
+    if (ended == 1 && stalled_ && took_too_long()) return;
     EXPECT_EQ(ended, code) << text();
     EXPECT_NE(text().find(says), std::string::npos) << text();
   }

@@ -348,8 +348,9 @@ void expect_withstood(const nlohmann::json& j, const std::string& output) {
   for (const auto& stage : j.at("stages")) {
     EXPECT_LE(stage.at("force_max_n").get<double>(), j.at("force_limit_n").get<double>()) << stage;
     EXPECT_LE(stage.at("step_max_n").get<double>(), 1.000001 * j.at("step_limit_n").get<double>()) << stage;
-    // A busy test machine may cost more than a measured run's 1 %. Nobody takes the device, though.
-    EXPECT_GT(stage.at("answered_of_sent").get<double>(), answered_share()) << stage;
+    // A busy test machine may cost more than a measured run's 1 %, and one that stands still any share.
+    // Nobody takes the device, though.
+    EXPECT_GT(stage.at("answered_of_sent_between_stalls").get<double>(), answered_share()) << stage;
     EXPECT_LT(stage.at("longest_unanswered"), 500) << stage;
   }
 }
