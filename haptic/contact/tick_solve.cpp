@@ -108,9 +108,12 @@ void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& prob
   contact.parts = parts;
   if (contact.deadline.bounded())
     contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 3);
-  for (int p = 0; p <= parts; ++p)
+  for (int p = 0; p <= parts; ++p) {
+    // Rows and W alone cost a part of a millisecond: what is left of the way is not gone then.
+    if (contact.deadline.passed()) p = static_cast<int>(parts);
     s.solution =
         solve_contact(now, instruments, displaced(from, way, p / parts), tick, contact, s.contact, s.scratch);
+  }
   if (s.solution.status == SolveStatus::solved || s.solution.residual <= contact.usable_residual)
     remember(s.scratch.x, s.patch);
 }
@@ -154,7 +157,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
     const EachInstrument<Vec6> way = difference(X, from);
     const double parts = std::min(longest(way) / contact.margin, most_parts);
     if (parts > 1) contact.parts = parts;
-    for (int p = 0; parts > 1 && p < parts; ++p)
+    for (int p = 0; parts > 1 && p < parts && !contact.deadline.passed(); ++p)
       solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
   }
   s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);

@@ -32,10 +32,11 @@ class Pressed {
 
   // A clock that shows `left_ns` and loses `per_look_ns` each time it is asked.
   ForceSample tick(double depth, std::int64_t left_ns, std::int64_t per_look_ns = 0) {
-    clock_ = {left_ns, per_look_ns};
+    clock_ = {left_ns, per_look_ns, 0};
     input_.deadline.clock = &clock_;
     input_.deadline.left_ns = [](const void* c) noexcept {
       auto* clock = static_cast<const Clock*>(c);
+      ++clock->looks;
       return clock->left -= clock->per_look;
     };
     ++tick_;
@@ -58,6 +59,15 @@ class Pressed {
     return force;
   }
 
+  // Another problem, made a millimetre above, of which nothing is remembered: how often its tick asks.
+  int looks_of_an_outrun_problem(std::int64_t left_ns) {
+    problem_->step += 1;
+    problem_->instrument[0].X_ref.p = Vec3(0, 0, 5e-3);
+    state->contact.memory.count = 0;
+    tick(0.3e-3, left_ns);
+    return clock_.looks;
+  }
+
   HapticOptions options;
   std::unique_ptr<HapticState> state = std::make_unique<HapticState>();
 
@@ -65,6 +75,7 @@ class Pressed {
   struct Clock {
     mutable std::int64_t left = 0;
     std::int64_t per_look = 0;
+    mutable int looks = 0;
   };
   std::unique_ptr<CondensedProblem> problem_;
   Instrument instrument_ = sphere_instrument(4e-3);
@@ -84,6 +95,15 @@ TEST(SolveDeadline, WithTimeThereIsNoCap) {
     EXPECT_GT(f.active, 0u);
     EXPECT_LT(f.residual, 1e-7);
   }
+}
+
+// Each part of the way costs rows and W, time or not.
+TEST(SolveDeadline, AWayThatThereIsNoTimeForIsNotGone) {
+  Pressed p(0.4);
+  p.options.contact.margin = 1e-4;
+  p.settled();
+  EXPECT_LT(p.looks_of_an_outrun_problem(0), 25);
+  EXPECT_GT(p.looks_of_an_outrun_problem(1000 * ms), 100);
 }
 
 // No time at all, while the hand goes deeper: the last good force, for 10 ms, then fading to zero in 90.
@@ -131,7 +151,8 @@ TEST(SolveDeadline, LittleTimeGivesTheBestIterate) {
   int capped = 0;
   for (int i = 1; i <= 100; ++i) {
     const double depth = 0.3e-3 + 1e-6 * i;
-    const ForceSample a = little.tick(depth, i % 5 == 0 ? 5'000 : 1000 * ms, 1'000), b = enough.tick(depth, 1000 * ms);
+    const ForceSample a = little.tick(depth, i % 5 == 0 ? 5'000 : 1000 * ms, 1'000),
+                      b = enough.tick(depth, 1000 * ms);
     capped += (a.status & status_solver_cap) != 0;
     EXPECT_LT((a.force - b.force).norm(), 0.1 * b.force.norm()) << i;
   }
