@@ -109,7 +109,7 @@ void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& prob
   if (contact.deadline.bounded())
     contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 3);
   for (int p = 0; p <= parts; ++p) {
-    // Rows and W alone cost a part of a millisecond: what is left of the way is not gone then.
+    // Rows and W cost their time in each part, however little is left: the last part is X itself.
     if (contact.deadline.passed()) p = static_cast<int>(parts);
     s.solution =
         solve_contact(now, instruments, displaced(from, way, p / parts), tick, contact, s.contact, s.scratch);

@@ -94,9 +94,9 @@ class Compliance {
   // Throws std::invalid_argument for a node that the model has not.
   virtual void move_zone(std::span<const int> nodes) = 0;
 
-  // True if the zone that is in use has every free node of `nodes`: the last factor's, before there is one
-  // the zone wanted; with lazy and updown the latter. Others cost `patch` a half solve each with exact and
-  // zone.
+  // True if the zone in use has every free node of `nodes`. With exact and zone that is the last factor's, or
+  // the zone wanted before there is a factor; others cost `patch` a half solve each. With lazy and updown it
+  // is the zone wanted. dense has all nodes.
   [[nodiscard]] virtual bool zone_covers(std::span<const int> nodes) const = 0;
 
   // Pre: these tetrahedra just went, and are dead in `after`. An `update` must follow before any use.

@@ -8,7 +8,7 @@
 // Of nodes outside the corner the caller brings the columns Y = L⁻¹ E of the whole factor.
 // Shapes: L 3·zone square, lower triangular; places per patch node, -1: zero rows and columns, unless it is
 // among `outside`, patch nodes with three columns of Y each; block 3·patch square. Units: L Lᵀ [N/m], block
-// [m/N]. No allocation once the sizes were seen, but for such large patches.
+// [m/N]. No allocation once the sizes were seen, but for such large patches and nodes outside.
 #pragma once
 
 #include <span>

@@ -81,8 +81,10 @@ def plot_force(hands, daemon, path):
         axes = rows[1, 0]
         for i, (begin, end) in enumerate(occlusions(events, t[-1])):
             axes.axvspan(begin, end, color="#e3ecf7", zorder=0, lw=0, label="port occluded" if i == 0 else None)
-        axes.plot(t, 100 * removed / max(removed[-1], 1), color=ACCENT, lw=1.2, label="elements removed, of all that were [%]")
-        axes.set_ylabel("removed [%]")
+        gone = max((body.get("volume_gone_share", 0) for body in operation.get("bodies", [])), default=0)
+        axes.plot(t, 100 * gone * removed / max(removed[-1], 1), color=ACCENT, lw=1.2,
+                  label="gone of the body: at the end by volume, until then by elements")
+        axes.set_ylabel("gone [%]")
         axes.set_ylim(0, 118)
         shown = -1e9
         for event in events:

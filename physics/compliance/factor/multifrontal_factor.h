@@ -54,7 +54,7 @@ class MultifrontalFactor {
   Eigen::Map<VecX> vector() noexcept { return {x_.data(), x_.size()}; }
   void solve() noexcept;
 
-  // Y = L⁻¹ E: three columns for each of these places.
+  // Y = L⁻¹ E, 3·nodes rows and three columns for each of these places. Allocates.
   void half_solve(std::span<const int> places, MatX& Y);
 
   // The trailing corner of L: rows and columns of the last `nodes` nodes, strict upper triangle zero.

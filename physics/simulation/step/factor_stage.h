@@ -16,7 +16,7 @@
 
 namespace hapticd {
 
-// Of a body's nodes in a problem, that its factor's zone does not have: each costs a half solve.
+// The most nodes of a body's patch that may lie outside its factor's zone: each costs a half solve.
 inline constexpr int most_outside = 12;
 
 class FactorStage {
@@ -56,7 +56,7 @@ class FactorStage {
                  std::span<const int> needed) const;
 
   bool keeps_references_;
-  bool factors_in_step_;  // `exact`, which needs no zone for few nodes
+  bool factors_in_step_;  // `exact`: few nodes outside its zone cost less than another factor
   bool predicts_;
 };
 
