@@ -138,13 +138,17 @@ class TwoHandsWatchdog : public testing::TestWithParam<std::tuple<const char*, i
       ASSERT_LE(change.norm(), step * (1 + 1e-6)) << "at tick " << f.number;
     }
   }
-  // Ends there; on its way a held-up simulation may seem to rest.
-  void expect_steady(double expected) const {
+  // Ends there; on its way a held-up simulation may seem to rest. A ball may rest between other samples where
+  // the machine had it let go for a moment (0.0481 and 0.0491 N here): then it is pressed in once more.
+  void expect_steady(double expected) {
     expect_unharmed();
     double found = 0;
-    for (int waited = 0; waited < patience_ms && !IsSkipped() && !HasFailure(); waited += 100, pause(100)) {
+    for (int waited = 0; waited < patience_ms && !IsSkipped() && !HasFailure(); waited += 1100) {
       found = steady();
       if (std::abs(found - expected) <= same * alone_) return;
+      first_->move_to(free_z, 300);
+      first_->move_to(touching_z, 300);
+      pause(500);
     }
     if (!IsSkipped()) {
       EXPECT_NEAR(found, expected, same * alone_);
