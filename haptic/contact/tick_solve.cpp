@@ -9,6 +9,8 @@
 
 namespace hapticd {
 namespace {
+constexpr double lost_tissue = 0.1e-3;     // that no contact holds, inside an instrument by more [m]
+constexpr double grip_time = 2e-3;         // in which a port takes hold: shorter than is felt [s]
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
@@ -40,7 +42,8 @@ bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept 
 }
 
 // What the pumps draw with, in the tick's problem, by where the last solve left patch and tips.
-void draw(Instruments instruments, const InstrumentPoses& X, double period, HapticState& s) noexcept {
+void draw(Instruments instruments, const InstrumentPoses& X, double period, double share,
+          HapticState& s) noexcept {
   const InstrumentPoses next = start_coupling(s.patch.problem, X, period, s.contact.coupling_offset).X_start;
   InstrumentPoses from = next;
   for (int i = 0; i < instruments.count(); ++i)
@@ -49,9 +52,12 @@ void draw(Instruments instruments, const InstrumentPoses& X, double period, Hapt
   EachInstrument<double> vacuum;
   for (int i = 0; i < instruments.count(); ++i) vacuum[i] = s.device[i].vacuum;
   const EachInstrument<double> occlusion =
-      apply_suction(instruments, from, next, s.patch.before, vacuum, s.patch.problem);
+      apply_suction(instruments, from, next, s.patch.before, vacuum, s.patch.problem, &s.patch.grip, share);
   for (int i = 0; i < instruments.count(); ++i) s.device[i].occlusion = occlusion[i];
 }
+
+// How much more hold a port takes in such a time.
+double taken_in(double period) noexcept { return period / (period + grip_time); }
 
 // The last problem pressed on for the first `part` of this tick, as far as the instruments then were on their
 // way to X. False where nothing is remembered.
@@ -63,7 +69,7 @@ bool solve_until_publication(double part, double period, const InstrumentPoses& 
     contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 2);
   const InstrumentPoses from = on_the_way_from(s.X, X),
                         there = displaced(from, difference(X, from), part / period);
-  if (any_port(instruments)) draw(instruments, there, part, s);
+  if (any_port(instruments)) draw(instruments, there, part, taken_in(part), s);
   const ContactSolution solution =
       solve_contact(*before, instruments, there, part, contact, s.contact, s.scratch);
   if (solution.status == SolveStatus::solved || solution.residual <= contact.usable_residual)
@@ -79,14 +85,14 @@ InstrumentPoses made_at(const CondensedProblem& problem, const InstrumentPoses& 
   return there;
 }
 
-// About which instruments this loop has tissue on another side than a new problem has it.
+// About which instruments this loop, which has them placed, has tissue on another side than the problem.
 EachInstrument<bool> astray(const CondensedProblem& published, const CondensedProblem& now,
-                            Instruments instruments, const InstrumentPoses& X,
-                            const HapticState& s) noexcept {
-  if (published.renewal == Renewal::frozen || published.step == s.step) return {};
+                            Instruments instruments, const InstrumentPoses& X, const InstrumentPoses& placed,
+                            const ContactMemory& memory) noexcept {
+  if (published.renewal == Renewal::frozen) return {};
   PatchPositions x;
-  displaced_patch(now, s.contact.memory, x);
-  return on_other_side(published, instruments, made_at(published, X), published.x_now, s.placed, x);
+  displaced_patch(now, memory, x);
+  return on_other_side(published, instruments, made_at(published, X), published.x_now, placed, x);
 }
 
 // All meet the patch as it was published, those from where the problem was made: with forces remembered of
@@ -147,20 +153,41 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   ViscousOptions viscous = options.viscous;
   viscous.always = any_port(instruments);
   const double tick = T < period ? T : std::max(T, shortest_tick);
-  s.astray = astray(problem, at_tick(problem, viscous, tick, s.patch), instruments, X, s);
+  s.astray = {};
+  if (problem.step != s.step)
+    s.astray =
+        astray(problem, at_tick(problem, viscous, tick, s.patch), instruments, X, s.placed, s.contact.memory);
   if (s.any_astray()) begin_anew(s.astray, problem, instruments, X, tick, viscous, contact, s);
-  const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
-  if (&now == &s.patch.problem && any_port(instruments)) draw(instruments, X, T, s);
-  // A problem that an instrument has outrun is met where it was made, and on the way from there.
-  if (problem.step != s.step && !s.contact.memory.knows_tissue() && contact.margin > 0) {
-    const InstrumentPoses from = made_at(problem, X);
-    const EachInstrument<Vec6> way = difference(X, from);
-    const double parts = std::min(longest(way) / contact.margin, most_parts);
-    if (parts > 1) contact.parts = parts;
-    for (int p = 0; parts > 1 && p < parts && !contact.deadline.passed(); ++p)
-      solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
+  // share: by which the ports take more hold.
+  const auto meet = [&](double share) -> const CondensedProblem& {
+    const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
+    const bool draws = &now == &s.patch.problem && any_port(instruments);
+    if (draws) draw(instruments, X, T, share, s);
+    // A problem that an instrument has outrun is met where it was made, and on the way from there.
+    if (problem.step != s.step && !s.contact.memory.knows_tissue() && contact.margin > 0) {
+      const InstrumentPoses from = made_at(problem, X);
+      const EachInstrument<Vec6> way = difference(X, from);
+      const double parts = std::min(longest(way) / contact.margin, most_parts);
+      if (parts > 1) contact.parts = parts;
+      for (int p = 0; parts > 1 && p < parts && !contact.deadline.passed(); ++p)
+        solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
+    }
+    s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
+    if (!draws || !let_go(now, instruments, s.patch.before, s.scratch.x, s.patch.grip)) return now;
+    at_tick(problem, viscous, tick, s.patch);
+    draw(instruments, X, T, 0, s);
+    s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
+    return now;
+  };
+  const CondensedProblem& now = meet(taken_in(T));
+  if (s.solution.lost > lost_tissue && !s.any_astray() && is_usable(s.solution, options) &&
+      !contact.deadline.passed()) {
+    s.astray = astray(problem, now, instruments, X, s.solution.instrument, s.contact.memory);
+    if (s.any_astray()) {
+      begin_anew(s.astray, problem, instruments, X, tick, viscous, contact, s);
+      meet(0);
+    }
   }
-  s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
   s.solved = true;
   s.placed = is_usable(s.solution, options) ? s.solution.instrument : InstrumentPoses();
   return s.solution.status != SolveStatus::not_finite;

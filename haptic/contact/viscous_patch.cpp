@@ -47,6 +47,21 @@ void carry_over(const CondensedProblem& from, const PatchPositions& known, const
   }
 }
 
+// Of the samples that both know; of all others none.
+void carry_over(const CondensedProblem& from, const CondensedProblem& to,
+                EachInstrument<Grip>& grip) noexcept {
+  for (int i = 0; i < max_instruments; ++i) {
+    Grip held{};
+    int k = 0;
+    for (int n = 0; n < to.samples; ++n) {
+      while (k < from.samples && from.sample[k].id < to.sample[n].id) ++k;
+      if (k == from.samples) break;
+      if (from.sample[k].id == to.sample[n].id) held[n] = grip[i][k];
+    }
+    grip[i] = held;
+  }
+}
+
 // `patch.problem` for a tick of `period`, from where the patch was before.
 void set_period(double period, ViscousPatch& patch) noexcept {
   CondensedProblem& p = patch.problem;
@@ -81,7 +96,12 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     }
     PatchPositions before;
     std::copy_n(published.x_now.begin(), published.nodes, before.begin());
-    if (patch.step > 0) carry_over(patch.problem, patch.before, published, before);
+    if (patch.step > 0) {
+      carry_over(patch.problem, patch.before, published, before);
+      carry_over(patch.problem, published, patch.grip);
+    } else {
+      patch.grip = {};
+    }
     copy_in_use(published, patch.problem);
     std::copy_n(before.begin(), published.nodes, patch.problem.x_now.begin());
     patch.before = before;

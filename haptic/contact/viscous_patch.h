@@ -9,15 +9,15 @@
 // the previous tick. With a lag a it is where the dashpot is, in series with a spring (Maxwell, implicit
 // Euler). A published problem knows only its own step's velocity, so without this the force of tissue that
 // is pushed at constant speed would grow over the step. Mass and αM are left out: at the tick's scale the
-// patch is quasi-static beside its viscosity. At rest both problems are equal. x_before is carried from
-// problem to problem by sample ids; new nodes begin where they are. T that changes by less than
-// a twentieth counts as the same: the viscous force errs by that share. T > 0.
-// Units: SI. Guarantee: noexcept, no allocation, wait-free; one copy of the problem when it is new.
+// patch is quasi-static beside its viscosity. At rest both problems are equal. x_before and grips are carried
+// from problem to problem by sample ids; new nodes begin where they are, and free. T that changes by less
+// than a twentieth counts as the same: the viscous force errs by that share. T > 0. Units: SI. Guarantee:
+// noexcept, no allocation, wait-free; one copy of the problem when it is new.
 #pragma once
 
 #include <array>
 
-#include "physics/contact/rows.h"
+#include "physics/contact/suction.h"
 
 namespace hapticd {
 
@@ -43,6 +43,7 @@ struct ViscousPatch {
   double share = 1;          // T/T'
   PatchPositions before;
   PatchPositions equilibrium;  // x_eq
+  EachInstrument<Grip> grip;   // of the ports, after the solve before
   std::array<double, max_patch_nodes> relaxation;
 };
 

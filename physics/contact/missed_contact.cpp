@@ -105,10 +105,11 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
 bool is_outside(const CondensedProblem& problem, int instrument, bool before, const ContactRows& rows,
                 std::span<const double> lambda, const PatchPositions& x_end, double lost) noexcept {
   if (lost > (before ? shallow * problem.alarm_distance : 0)) return false;
+  if (before) return true;
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[i];
     if (row.instrument != instrument || row.sample < 0 || !(lambda[rows.rows_per_contact * i] > 0)) continue;
-    if (before || row.frame.col(0).dot(sample_outward(problem, x_end, row.sample)) < facing_away) return true;
+    if (row.frame.col(0).dot(sample_outward(problem, x_end, row.sample)) < facing_away) return true;
   }
   return false;
 }

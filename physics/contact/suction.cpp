@@ -31,7 +31,8 @@ bool on_one_face(const PatchSample& a, const PatchSample& b) noexcept { return a
 }  // namespace
 
 Suction suction_of(const CondensedProblem& problem, const Instrument& shape, const Pose& X,
-                   const PatchPositions& x, double vacuum, PatchPositions& pull) noexcept {
+                   const PatchPositions& x, double vacuum, PatchPositions& pull, Grip* grip,
+                   double share) noexcept {
   Suction s;
   const Port& port = shape.port;
   if (port.radius <= 0) return s;
@@ -39,6 +40,13 @@ Suction suction_of(const CondensedProblem& problem, const Instrument& shape, con
   const Vec3 centre = X.to_world(port.position), d = X.q * port.direction;
   const double area = std::numbers::pi * port.radius * port.radius;
   const double far = outer * port.radius + port.reach;
+  const auto covers = [&](const Vec3& at) {
+    const Vec3 from = at - centre;
+    if (from.squaredNorm() > far * far) return 0.0;
+    const double along = from.dot(d), radial = (from - along * d).norm();
+    const double inside = falling(radial, inner * port.radius, outer * port.radius);
+    return inside > 0 ? inside * falling(placed.gap(at).distance, 0.5 * port.reach, port.reach) : 0.0;
+  };
   std::array<double, max_patch_samples> weight;
   double sum = 0;
   for (int first = 0, end = 0; first < problem.samples; first = end) {
@@ -46,19 +54,15 @@ Suction suction_of(const CondensedProblem& problem, const Instrument& shape, con
     for (end = first + 1; end < problem.samples && on_one_face(of, problem.sample[end]);) ++end;
     std::fill(weight.begin() + first, weight.begin() + end, 0.0);
     if (of.node[0] < 0) continue;
-    double share = -1;  // of the face's area; known when needed
+    double face = -1;  // a sample's share of it; known when needed
     for (int k = first; k < end; ++k) {
-      const Vec3 at = sample_position(problem, x, k), from = at - centre;
-      if (from.squaredNorm() > far * far) continue;
-      const double along = from.dot(d), radial = (from - along * d).norm();
-      const double inside = falling(radial, inner * port.radius, outer * port.radius);
-      if (inside <= 0) continue;
-      const double near = falling(placed.gap(at).distance, 0.5 * port.reach, port.reach);
-      if (near <= 0) continue;
-      if (share < 0)
-        share =
+      double held = covers(sample_position(problem, x, k));
+      if (grip) held = (*grip)[k] = held > 0 ? (*grip)[k] + share * (held - (*grip)[k]) : 0;
+      if (held <= 0) continue;
+      if (face < 0)
+        face =
             0.5 * (x[of.node[1]] - x[of.node[0]]).cross(x[of.node[2]] - x[of.node[0]]).norm() / (end - first);
-      weight[k] = share * near * inside;
+      weight[k] = face * held;
       sum += weight[k];
     }
   }
@@ -88,20 +92,39 @@ double pumped(const Port& port, double vacuum, double occlusion, bool on, double
 
 EachInstrument<double> apply_suction(Instruments instruments, const InstrumentPoses& X,
                                      const InstrumentPoses& X_next, const PatchPositions& x,
-                                     const EachInstrument<double>& vacuum,
-                                     CondensedProblem& problem) noexcept {
+                                     const EachInstrument<double>& vacuum, CondensedProblem& problem,
+                                     EachInstrument<Grip>* grip, double share) noexcept {
   EachInstrument<double> occlusion;
   std::fill_n(problem.pull.begin(), problem.nodes, Vec3::Zero());
   for (int i = 0; i < instruments.count(); ++i) {
     problem.instrument[i].load.setZero();
     if (!X.present[i] || instruments[i].port.radius <= 0) continue;
-    const Suction s = suction_of(problem, instruments[i], X[i], x, vacuum[i], problem.pull);
+    const Suction s = suction_of(problem, instruments[i], X[i], x, vacuum[i], problem.pull,
+                                 grip ? &(*grip)[i] : nullptr, share);
     occlusion[i] = s.occlusion;
     problem.instrument[i].load = s.load;
     problem.instrument[i].way = difference(X_next[i], X[i]);
   }
   shift(1, problem);
   return occlusion;
+}
+
+bool let_go(const CondensedProblem& problem, Instruments instruments, const PatchPositions& before,
+            const PatchPositions& x, EachInstrument<Grip>& grip) noexcept {
+  bool any = false;
+  for (int i = 0; i < instruments.count(); ++i) {
+    const Port& port = instruments[i].port;
+    if (port.radius <= 0) continue;
+    const double most = 2 * port.radius + port.reach;
+    for (int k = 0; k < problem.samples; ++k) {
+      if (!(grip[i][k] > 0)) continue;
+      const double way = (sample_position(problem, x, k) - sample_position(problem, before, k)).norm();
+      if (way <= most) continue;
+      grip[i][k] = 0;
+      any = true;
+    }
+  }
+  return any;
 }
 
 void remove_suction(CondensedProblem& problem) noexcept {

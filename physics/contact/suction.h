@@ -9,6 +9,9 @@
 // λ_n ≥ 0 on top of it, which is λ_n − p A ≥ −p A of what the tip and tissue exchange, and friction is that
 // of λ. Samples of fixed obstacles have no area here: they neither cover a port nor pull.
 //
+// φ and ψ are of where tissue was. What yields by more than their width in a tick would be pulled and let go
+// in turn: with a Grip g ← g + share (φψ − g), 0 where φψ is, in their place, that is by degrees.
+//
 // Pump (implicit Euler): τ ṗ = p_max o − p while it is on, τ ṗ = −p while off. One with a flow Q is
 // peristaltic: C ṗ = Q o − (1 − o) p C/τ, C = Q τ/p_max the compliance of its tubing, 0 ≤ p ≤ p_max: it rises
 // evenly within τ where the port is covered, and vents as far as it is open.
@@ -25,9 +28,14 @@ struct Suction {
   Vec6 load = Vec6::Zero();  // on the instrument, about its origin [N, N·m]
 };
 
+// Of one port: how far it holds each sample, 0 … 1.
+using Grip = std::array<double, max_patch_samples>;
+
 // Of one instrument's port at pose X over the patch at x, with vacuum p; adds f to `pull`, by patch node [N].
+// share: of the way to φψ that the grip goes.
 Suction suction_of(const CondensedProblem& problem, const Instrument& shape, const Pose& X,
-                   const PatchPositions& x, double vacuum, PatchPositions& pull) noexcept;
+                   const PatchPositions& x, double vacuum, PatchPositions& pull, Grip* grip = nullptr,
+                   double share = 1) noexcept;
 
 // The pump's next pressure.
 double pumped(const Port& port, double vacuum, double occlusion, bool on, double period) noexcept;
@@ -37,8 +45,13 @@ double pumped(const Port& port, double vacuum, double occlusion, bool on, double
 // occlusions.
 EachInstrument<double> apply_suction(Instruments instruments, const InstrumentPoses& X,
                                      const InstrumentPoses& X_next, const PatchPositions& x,
-                                     const EachInstrument<double>& vacuum,
-                                     CondensedProblem& problem) noexcept;
+                                     const EachInstrument<double>& vacuum, CondensedProblem& problem,
+                                     EachInstrument<Grip>* grip = nullptr, double share = 1) noexcept;
+
+// What a solve moved from `before` to x farther than the port is wide and reaches was thrown, not drawn: its
+// grip is 0 from then. Whether there was any.
+bool let_go(const CondensedProblem& problem, Instruments instruments, const PatchPositions& before,
+            const PatchPositions& x, EachInstrument<Grip>& grip) noexcept;
 
 // Takes it out of the problem again.
 void remove_suction(CondensedProblem& problem) noexcept;

@@ -71,6 +71,48 @@ TEST(Suction, ComesAndGoesByDegrees) {
   EXPECT_LT(largest, 0.02 * vacuum * port_area);
 }
 
+// n times a third of what is left: 1 − (2/3)ⁿ; and nothing at once when the port is gone.
+TEST(Suction, APortTakesHoldByDegreesAndLetsGoAtOnce) {
+  auto problem = sheet(4e-3, 10, 0);
+  PatchPositions pull;
+  const Pose edge{Vec3(2e-3, 0, 0), Quat::Identity()}, away{Vec3(2e-3, 0, 1e-3), Quat::Identity()};
+  const double whole = pulled(*problem, edge, pull).occlusion;
+  ASSERT_LT(whole, 0.7);
+  Grip grip{};
+  const auto occlusion = [&](const Pose& X) {
+    return suction_of(*problem, needle(), X, problem->x_free, vacuum, pull, &grip, 1.0 / 3).occlusion;
+  };
+  for (int n = 1; n < 20; ++n) EXPECT_NEAR(occlusion(edge), whole * (1 - std::pow(2.0 / 3, n)), 1e-12);
+  EXPECT_EQ(occlusion(away), 0);
+  EXPECT_NEAR(occlusion(edge), whole / 3, 1e-12);
+}
+
+// One node of the sheet is moved: by more than the port is wide and reaches (1.3 mm) those samples that it
+// carries with a weight of more than 1.3 mm of its way.
+TEST(Suction, WhatIsThrownIsLetGo) {
+  auto problem = sheet(4e-3, 10, 0);
+  PatchPositions pull, x = problem->x_free;
+  EachInstrument<Grip> grip;
+  for (Grip& g : grip.value) g.fill(0);
+  suction_of(*problem, needle(), Pose{}, problem->x_free, vacuum, pull, &grip[0], 1);
+  const Grip before = grip[0];
+  constexpr int middle = 60;
+  constexpr double most = 2 * port_radius + 0.3e-3, way = 3e-3;
+  x[middle] += Vec3(0, way, 0);
+  EXPECT_TRUE(let_go(*problem, needle(), problem->x_free, x, grip));
+  int gone = 0;
+  for (int k = 0; k < problem->samples; ++k) {
+    double weight = 0;
+    for (int c = 0; c < 3; ++c)
+      if (problem->sample[k].node[c] == middle) weight = problem->sample[k].weight[c];
+    const bool thrown = weight * way > most;
+    EXPECT_EQ(grip[0][k], thrown ? 0 : before[k]);
+    gone += thrown && before[k] > 0;
+  }
+  EXPECT_GT(gone, 3);
+  EXPECT_FALSE(let_go(*problem, needle(), problem->x_free, x, grip)) << "it already is";
+}
+
 TEST(Suction, ThePumpRisesAndVentsWithItsTimeConstant) {
   const Port port = needle().port;
   double p = 0, t = 0;
