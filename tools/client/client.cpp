@@ -19,6 +19,7 @@ namespace {
 
 constexpr std::int64_t period_ns = 1'000'000;
 constexpr std::int64_t silence_ns = 2'000'000'000;
+constexpr std::int64_t held_up_ns = 50'000'000;  // half of what disarms a device (watchdog.h)
 constexpr int slots_before_enable = 50, slots_between_edges = 1000;
 constexpr int rounds_of_phase = 3;
 constexpr double phase_tolerance_us = 150;
@@ -160,6 +161,20 @@ std::int64_t DeviceClient::plan_begin() const noexcept {
   return next_ns_ - std::llround(late) * period_ns;
 }
 
+// Whether this slot's state asks for force.
+bool DeviceClient::enables(std::int64_t now_ns) noexcept {
+  if (!settings_.arm_again) return true;
+  if (sent_ns_ > 0 && now_ns - sent_ns_ > held_up_ns) held_up_until_ns_ = now_ns + 4 * held_up_ns;
+  sent_ns_ = now_ns;
+  const std::uint32_t status = status_.load(std::memory_order_relaxed);
+  if (now_ns < held_up_until_ns_ && (status & status_disarmed) && !(status & status_latched)) {
+    held_up_until_ns_ = 0;
+    edge_until_ns_ = now_ns + slots_before_enable * period_ns;
+    ++armed_again_;
+  }
+  return now_ns >= edge_until_ns_;
+}
+
 void DeviceClient::serve(SlotSource& source) noexcept {
   book_.begin(plan_begin(), number_);
   counting_.store(true, std::memory_order_release);
@@ -174,7 +189,7 @@ void DeviceClient::serve(SlotSource& source) noexcept {
     DeviceCommand& command = commands_[static_cast<std::size_t>(k)];
     command = source.at(k, now, newest_.front(), fresh);
     book_.send(k, monotonic_ns());
-    send(command, plan.number_of(k), true);
+    send(command, plan.number_of(k), enables(now));
     reached_.store(k, std::memory_order_relaxed);
     ++k;
     if (over()) return;

@@ -5,7 +5,8 @@
 //             it stays disarmed. From the state ages in the answers the client learns its phase against the
 //             daemon's tick, and moves its own grid, here alone, so that states leave half a period before it.
 //   slots     slot k of the plan at t0 + k ms; a client that wakes too late for a slot skips it (slots.h).
-//             Clients with a common start hold their first poses until all of them are armed.
+//             Clients with a common start hold their first poses until all of them are armed. With `arm_again`
+//             a client that was held up until its device was disarmed sends 50 slots without `enable`, then with.
 //   letting go  20 ms of the last pose, 5 ms without `enable`, then the state is disposed of.
 // State numbers begin at the client's monotonic milliseconds and rise by one per slot, so that a client that is
 // started again never counts backwards. Forces are taken from the first daemon heard (server/dds/force_reader.h);
@@ -43,6 +44,9 @@ struct ClientSettings {
   double match_timeout = 10;  // [s]
   double arm_timeout = 10;    // [s]
   CommonStart* start = nullptr;  // with other clients, which it outlives
+  // Ask for force again after the machine held this client up until its device was disarmed. For motions
+  // that nobody's hand follows.
+  bool arm_again = false;
 };
 
 // The device's state in one slot, in the device frame [m].
@@ -92,6 +96,7 @@ class DeviceClient {
   // Somebody besides the daemon, or a second one, wrote forces for this device.
   bool second_daemon() const noexcept { return reader_.strange_forces() > 0 || status_seen() & status_rival; }
   bool complete() const noexcept { return complete_; }  // neither interrupted nor left
+  int armed_again() const noexcept { return armed_again_; }
 
   // Any time.
   std::uint32_t device_id() const noexcept { return settings_.device_id; }
@@ -110,6 +115,7 @@ class DeviceClient {
   bool due(bool ready) noexcept;
   std::int64_t plan_begin() const noexcept;
   void serve(SlotSource& source) noexcept;
+  bool enables(std::int64_t now_ns) noexcept;
   void let_go(const DeviceCommand& last) noexcept;
   void check_end() const;
 
@@ -136,6 +142,10 @@ class DeviceClient {
   std::int64_t next_ns_ = 0;  // sender's grid
   std::uint64_t number_ = 0;
   bool arrived_ = false;  // at the common start
+  // Of arming again: when a state was last sent, until when a disarmed device is by this client's own
+  // silence, and until when no force is asked for.
+  std::int64_t sent_ns_ = 0, held_up_until_ns_ = 0, edge_until_ns_ = 0;
+  int armed_again_ = 0;
   double phase_shift_us_ = 0;
   Grant grant_;
   bool complete_ = false;

@@ -208,6 +208,7 @@ int replay_together(ReplayOptions& options) {
     instruments.push_back({scene->instruments[i].name, scene->instruments[i].device.id});
   const double duration = checked_duration(files[0], (motions.end - motions.begin) / options.speed);
   options.session.client.enable = !options.no_enable;
+  options.session.client.arm_again = true;
   prepare(options.session, files);
 
   std::deque<ReplaySource> sources;
@@ -241,6 +242,7 @@ int replay(ReplayOptions& options) {
   const Trajectory trajectory = read(options, file, scene ? &scene->first().device : nullptr);
   const double duration = checked_duration(file, (trajectory.end() - trajectory.begin()) / options.speed);
   options.session.client.enable = !options.no_enable;
+  options.session.client.arm_again = true;
   prepare(options.session, options.files);
 
   ReplaySource source(trajectory, options.speed);

@@ -210,6 +210,7 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   json["energy_observed_min_j"] = energy;  // by the daemon, in the force messages
   json["contact_share"] = rounded(share(in_contact, book.answered()), 5);
   json["contacts_dropped"] = dropped.to_json();
+  json["armed_again"] = client.armed_again();
   json["status_seen"] = client.status_seen();
   json["status_seen_text"] = status_text(client.status_seen());
   json["second_daemon"] = client.second_daemon();
@@ -236,6 +237,8 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   table.emplace_back("elements removed", std::to_string(status.elements_removed));
   table.emplace_back("fragments aspirated", std::to_string(status.fragments_aspirated));
   table.emplace_back("status bits seen", status_text(client.status_seen()));
+  if (client.armed_again() > 0)
+    table.emplace_back("held up, and armed again", std::to_string(client.armed_again()) + " times");
   table.emplace_back("client's scheduling", client.grant().granted ? client.grant().what : "ordinary");
 }
 

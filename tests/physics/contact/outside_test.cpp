@@ -108,7 +108,8 @@ TEST(Outside, StaysOutsideWhereItTouchesNothing) {
   EXPECT_TRUE(loop.state.memory.outside[0]);
   for (int tick = 0; tick < 5; ++tick) loop.solve(*flap.problem, rod(), above(50e-6));
   EXPECT_TRUE(loop.state.memory.outside[0]);
-  for (int n = 0; n < 6; ++n) flap.problem->x_free[n].z() = n < 3 ? -10e-6 : 0;  // the other one is higher now
+  // The other one is higher now.
+  for (int n = 0; n < 6; ++n) flap.problem->x_free[n].z() = n < 3 ? -10e-6 : 0;
   flap.problem->x_now = flap.problem->x_free;
   EXPECT_NEAR(loop.solve(*flap.problem, rod(), above(-5e-6)).wrench[0][2], 3 * k * 5e-6, 1e-9);
 }

@@ -22,8 +22,8 @@ std::string in_domain() { return " --domain " + domain() + " "; }
 
 nlohmann::json read_json(const std::string& file) { return nlohmann::json::parse(std::ifstream(file)); }
 
-// Largest force in a table of forces; −1 without one.
-double peak_of(const std::string& file) {
+// Largest force in a table of forces since then; −1 without one.
+double peak_of(const std::string& file, double since = 0) {
   std::ifstream in(file);
   double peak = -1;
   std::string line;
@@ -33,7 +33,7 @@ double peak_of(const std::string& file) {
     double value[9];
     char comma;
     for (double& v : value) row >> v >> comma;
-    peak = std::max(peak, std::hypot(value[6], value[7], value[8]));
+    if (value[0] >= since) peak = std::max(peak, std::hypot(value[6], value[7], value[8]));
   }
   return peak;
 }
@@ -164,6 +164,27 @@ TEST_F(TwoHandsDaemon, NobodyThereIsToldOfEachInstrument) {
   EXPECT_NE(doctor.output.find("left"), std::string::npos) << doctor.output;
   EXPECT_NE(doctor.output.find("device 3, Touch: no client"), std::string::npos) << doctor.output;
   EXPECT_NE(doctor.output.find("device 5, Touch: no client"), std::string::npos) << doctor.output;
+}
+
+// A replay that the machine holds up for 200 ms has its device let go; it arms it again and presses on.
+TEST_F(TwoHandsDaemon, AReplayThatIsHeldUpArmsAgain) {
+  ChildProcess daemon(daemon_with({}), scratch_.file("log"));
+  const std::string press = scratch_.file(
+      "press.csv", "t,px,py,pz\n0,0,0,0.0245\n0.3,0,0,0.0215\n3.7,0,0,0.0215\n4,0,0,0.0245\n");
+  ChildProcess replay(
+      {BIN_DIR "/haptic", "replay", press, "--domain", domain(), "--device-id", "3", "--json",
+       scratch_.file("f.json"), "--forces", scratch_.file("f.csv"), "--min-answered", "0.8"},
+      scratch_.file("replay.log"));
+  for (int i = 0; i < 1000 && said().find(" armed") == std::string::npos; ++i) usleep(10'000);
+  usleep(900'000);
+  replay.signal(SIGSTOP);
+  usleep(200'000);
+  replay.signal(SIGCONT);
+  EXPECT_EQ(replay.wait(20'000), 0) << read_bytes(scratch_.file("replay.log"));
+  const nlohmann::json figures = read_json(scratch_.file("f.json"));
+  EXPECT_EQ(figures["armed_again"], 1) << said();
+  EXPECT_NE(said().find("disarmed"), std::string::npos) << said();
+  EXPECT_GT(peak_of(scratch_.file("f.csv"), 2.5), 0.02);
 }
 
 // The second device is nobody's: the first one does not wait for it.
