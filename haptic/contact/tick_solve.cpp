@@ -102,8 +102,10 @@ void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& prob
                 HapticState& s) noexcept {
   s.contact.memory.count = 0;
   s.contact.coupling_offset = {};
+  const EachInstrument<Grip> grip = s.patch.grip;  // what a port still reaches it still holds
   s.patch.step = 0;
   const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
+  s.patch.grip = grip;
   InstrumentPoses from = X;
   const InstrumentPoses made = made_at(problem, X);
   for (int i = 0; i < max_instruments; ++i)
@@ -153,6 +155,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   ViscousOptions viscous = options.viscous;
   viscous.always = any_port(instruments);
   const double tick = T < period ? T : std::max(T, shortest_tick);
+  const bool just_begun = s.any_astray();
   s.astray = {};
   if (problem.step != s.step)
     s.astray =
@@ -173,14 +176,17 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
         solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
     }
     s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
-    if (!draws || !let_go(now, instruments, s.patch.before, s.scratch.x, s.patch.grip)) return now;
+    if (!draws || !let_go(now, instruments, s.patch.before, s.scratch.x, s.patch.grip) ||
+        contact.deadline.passed())
+      return now;
     at_tick(problem, viscous, tick, s.patch);
     draw(instruments, X, T, 0, s);
     s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
     return now;
   };
   const CondensedProblem& now = meet(taken_in(T));
-  if (s.solution.lost > lost_tissue && !s.any_astray() && is_usable(s.solution, options) &&
+  // What beginning anew does not free is not freed by doing so in each tick.
+  if (s.solution.lost > lost_tissue && !just_begun && !s.any_astray() && is_usable(s.solution, options) &&
       !contact.deadline.passed()) {
     s.astray = astray(problem, now, instruments, X, s.solution.instrument, s.contact.memory);
     if (s.any_astray()) {

@@ -96,12 +96,9 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     }
     PatchPositions before;
     std::copy_n(published.x_now.begin(), published.nodes, before.begin());
-    if (patch.step > 0) {
-      carry_over(patch.problem, patch.before, published, before);
-      carry_over(patch.problem, published, patch.grip);
-    } else {
-      patch.grip = {};
-    }
+    if (patch.step > 0) carry_over(patch.problem, patch.before, published, before);
+    if (options.always && patch.step > 0) carry_over(patch.problem, published, patch.grip);
+    if (options.always && patch.step == 0) patch.grip = {};
     copy_in_use(published, patch.problem);
     std::copy_n(before.begin(), published.nodes, patch.problem.x_now.begin());
     patch.before = before;

@@ -98,6 +98,7 @@ EachInstrument<double> apply_suction(Instruments instruments, const InstrumentPo
   std::fill_n(problem.pull.begin(), problem.nodes, Vec3::Zero());
   for (int i = 0; i < instruments.count(); ++i) {
     problem.instrument[i].load.setZero();
+    if (!X.present[i] && grip) (*grip)[i].fill(0);
     if (!X.present[i] || instruments[i].port.radius <= 0) continue;
     const Suction s = suction_of(problem, instruments[i], X[i], x, vacuum[i], problem.pull,
                                  grip ? &(*grip)[i] : nullptr, share);
