@@ -10,7 +10,7 @@
 namespace hapticd {
 namespace {
 constexpr double lost_tissue = 0.1e-3;     // that no contact holds, inside an instrument by more [m]
-constexpr double grip_time = 2e-3;         // in which a port takes hold: shorter than is felt [s]
+constexpr double grip_time = 2e-3;         // time constant with which a port takes hold [s]
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves

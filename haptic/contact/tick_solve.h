@@ -5,9 +5,9 @@
 // way from there. Each loop carries its own contact from problem to problem, and a sample may slip by between
 // two others: where a new problem has tissue on another side of an instrument (sides.h), or a solve has lost
 // some 0.1 mm inside one, the simulation has the word, and the instrument meets the patch anew, as it was
-// published. Ports take hold by degrees, within 2 ms; what they would throw is not drawn. A problem, its free
-// motion or a solution that is no number is no contact, and is said.
-// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by 29 contact solves.
+// published. Ports take hold with a time constant of 2 ms; what they would throw is not drawn. A problem, its
+// free motion or a solution that is no number is no contact, and is said.
+// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by 42 contact solves.
 #pragma once
 
 #include "haptic/haptic_step.h"

@@ -115,6 +115,17 @@ TEST_F(SuctionStep, AFlapThatYieldsFarIsPulledAndLetGoByDegrees) {
   EXPECT_LT(most - least, 0.07 * vacuum * port_area);
 }
 
+// A new problem does not loosen what a port holds: taken hold of anew it would be covered to 0.4.
+TEST_F(SuctionStep, APortHoldsFromProblemToProblem) {
+  for (int i = 0; i < 100; ++i) tick(pedal_aspiration);
+  ASSERT_EQ(state->device[0].occlusion, 1);
+  for (int i = 0; i < 3; ++i) {
+    ++problem->step;
+    tick(pedal_aspiration);
+    EXPECT_EQ(state->device[0].occlusion, 1);
+  }
+}
+
 // A device that is silent draws nothing: its pump vents.
 TEST_F(SuctionStep, VentsWhenTheDeviceIsGone) {
   for (int i = 0; i < 2000; ++i) tick(pedal_aspiration);
