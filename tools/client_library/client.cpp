@@ -103,10 +103,16 @@ haptic_force haptic_client::swap(const haptic_pose& pose, const haptic_callbacks
   return newest;
 }
 
+bool haptic_client::owned_by_another(pid_t me) const noexcept {
+  const pid_t owner = owner_;
+  return owner != 0 && owner != me && client_now_ns() - owned_ns_ < owner_stays_ns;
+}
+
+// Another thread is refused before it is busy here, so that the owner never meets it.
 bool haptic_client::enter() noexcept {
-  if (busy_.test_and_set(std::memory_order_acquire)) return false;
   const pid_t me = gettid();
-  if (owner_ != 0 && owner_ != me && client_now_ns() - owned_ns_ < owner_stays_ns) {
+  if (owned_by_another(me) || busy_.test_and_set(std::memory_order_acquire)) return false;
+  if (owned_by_another(me)) {  // since
     busy_.clear(std::memory_order_release);
     return false;
   }

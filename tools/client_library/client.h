@@ -56,14 +56,15 @@ struct haptic_client {
  private:
   haptic_force publish(const hapticd::Feel& feel, haptic_result result) noexcept;
   haptic_force refuse(haptic_result result) noexcept;
+  bool owned_by_another(pid_t me) const noexcept;
   bool pose_for(const haptic_callbacks* callbacks, haptic_pose& pose, bool& lost);
   haptic_result loop(const haptic_callbacks* callbacks) noexcept;
   void run(std::optional<haptic_callbacks> callbacks) noexcept;
 
   const bool ordinary_;  // priority
   std::atomic_flag busy_ = ATOMIC_FLAG_INIT;
-  pid_t owner_ = 0;  // while busy
-  std::int64_t owned_ns_ = 0;
+  std::atomic<pid_t> owner_{0};  // written while busy
+  std::atomic<std::int64_t> owned_ns_{0};
 
   std::mutex control_;  // of starting and stopping
   std::thread thread_;

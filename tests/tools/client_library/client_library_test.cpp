@@ -2,6 +2,8 @@
 // die, are two, or serve somebody else.
 #include "tools/client_library/haptic_client.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -193,27 +195,49 @@ TEST_F(ClientLibraryDaemon, ASecondThreadIsToldAndTheFirstDoesNotNotice) {
   const auto one = daemon();
   open(domain_);
   ASSERT_TRUE(pressed());
-  int refused = 0, through = 0;
-  std::thread second([&] {
-    haptic_pose pose = HAPTIC_POSE_INIT;
-    haptic_force force = HAPTIC_FORCE_INIT;
-    for (int i = 0; i < 200; ++i) {
-      force.force[2] = 1;
-      (haptic_exchange(client_, &pose, &force) == HAPTIC_WRONG_THREAD ? refused : through) += 1;
-      EXPECT_EQ(force.force[2], 0);
-      std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-  });
-  // A machine that stands still for a moment makes forces late or less, and says so.
-  const auto notices = [this] {
-    return force_.result == HAPTIC_WRONG_THREAD ||
-           (force_.result == HAPTIC_OK && force_.status == 0 && size() < 0.02);
-  };
-  EXPECT_FALSE(until(notices, 0.3));
-  second.join();
-  EXPECT_TRUE(pressed());
-  EXPECT_EQ(refused, 200);
-  EXPECT_EQ(through, 0);
+  // Other work of the machine may hold this thread up; a trial with a pause of a client's silence tells nothing.
+  constexpr int trials = 20;
+  double pause = 1;
+  for (int trial = 0; trial < trials && pause > 0.005; ++trial) {
+    ASSERT_TRUE(pressed());
+    std::atomic<bool> over{false};
+    int refused = 0, through = 0;
+    double written = 0;
+    std::thread second([&] {
+      haptic_pose pose = HAPTIC_POSE_INIT;
+      haptic_force force = HAPTIC_FORCE_INIT;
+      while (!over) {
+        for (int call = 0; call < 200; ++call) {  // some while the first one is at its own
+          force.force[2] = 1;
+          (haptic_exchange(client_, &pose, &force) == HAPTIC_WRONG_THREAD ? refused : through) += 1;
+          written = std::max(written, std::abs(force.force[2]));
+        }
+        std::this_thread::sleep_for(std::chrono::microseconds(700));
+      }
+    });
+    pause = 0;
+    double before = seconds();
+    bool wrong = false;
+    double weakest = 1;
+    until(
+        [&] {
+          pause = std::max(pause, seconds() - before);
+          before = seconds();
+          wrong = wrong || force_.result == HAPTIC_WRONG_THREAD;
+          if (force_.result == HAPTIC_OK && force_.status == 0) weakest = std::min(weakest, size());
+          return false;
+        },
+        0.3);
+    over = true;
+    second.join();
+    if (pause > 0.005) continue;
+    EXPECT_FALSE(wrong);
+    EXPECT_GE(weakest, 0.01);  // 0.02 and more when pressed
+    EXPECT_GT(refused, 100);
+    EXPECT_EQ(through, 0);
+    EXPECT_EQ(written, 0);
+  }
+  if (pause > 0.005) GTEST_SKIP() << "the machine held this thread up in each of " << trials << " trials";
 }
 
 TEST_F(ClientLibraryDaemon, ASecondDaemonIsZeroAndTold) {
