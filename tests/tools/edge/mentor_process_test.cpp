@@ -1,8 +1,10 @@
 // A mentor's hand: a daemon with a trainee's device, an edge with the mentor's, one tissue; and what each
 // feels when the other is gone.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <thread>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -54,13 +56,15 @@ class MentorDaemon : public testing::Test {
     client.move_to(touching_z, 300);
     return client.await(patience_ms, felt);
   }
-  // Of the newest half second.
-  static double mean(const ScriptedClient& client) {
+  // Of the newest half second: a force that fades where the machine holds a client up does not count.
+  static double median(const ScriptedClient& client) {
     const std::vector<Force> forces = client.forces();
     const std::size_t n = std::min<std::size_t>(forces.size(), 500);
-    double sum = 0;
-    for (std::size_t i = forces.size() - n; i < forces.size(); ++i) sum += magnitude(forces[i]);
-    return sum / static_cast<double>(n);
+    std::vector<double> sizes;
+    for (std::size_t i = forces.size() - n; i < forces.size(); ++i) sizes.push_back(magnitude(forces[i]));
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(n / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    return n > 0 ? *middle : 0;
   }
 
   Domain domain_;
@@ -77,11 +81,11 @@ TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
     auto whole = daemon({});
     ASSERT_TRUE(press(trainee_)) << log("daemon");
     pause(1000);
-    alone = mean(trainee_);
+    alone = median(trainee_);
     ASSERT_TRUE(press(mentor_));
     pause(1000);
-    together = mean(trainee_);
-    mentors = mean(mentor_);
+    together = median(trainee_);
+    mentors = median(mentor_);
     ASSERT_LT(together, 0.97 * alone);  // each stands in the dent of the other
     trainee_.move_to(above_z, 100);
     mentor_.move_to(above_z, 100);
@@ -92,11 +96,11 @@ TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
   auto far = edge(link);
   ASSERT_TRUE(press(trainee_)) << log("daemon");
   pause(1000);
-  EXPECT_NEAR(mean(trainee_), alone, 0.02 * alone);
+  EXPECT_NEAR(median(trainee_), alone, 0.02 * alone);
   ASSERT_TRUE(press(mentor_)) << log("edge") << log("daemon");
   pause(1000);
-  EXPECT_NEAR(mean(trainee_), together, 0.02 * together);
-  EXPECT_NEAR(mean(mentor_), mentors, 0.02 * mentors);
+  EXPECT_NEAR(median(trainee_), together, 0.02 * together);
+  EXPECT_NEAR(median(mentor_), mentors, 0.02 * mentors);
 
   // The mentor's edge dies: the trainee's force is that of one hand again, within the limits, never disarmed.
   const std::size_t from = trainee_.count();
@@ -105,7 +109,7 @@ TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
   EXPECT_TRUE(trainee_.await(
       1000, [&](const Force& f) { return std::abs(magnitude(f) - alone) < 0.02 * alone; }, from));
   pause(700);
-  EXPECT_NEAR(mean(trainee_), alone, 0.02 * alone);
+  EXPECT_NEAR(median(trainee_), alone, 0.02 * alone);
   expect_bounded(trainee_.forces(from));
   for (const Force& f : trainee_.forces(from))
     ASSERT_FALSE(has(f, status_disarmed | status_latched)) << f.number;
@@ -120,7 +124,7 @@ TEST_F(MentorDaemon, BothHandsFeelOneTissueAndWhoIsGoneIsOutOfIt) {
   ASSERT_TRUE(arm(mentor_)) << log("edge");
   EXPECT_TRUE(mentor_.await(patience_ms, felt)) << log("edge");
   pause(1000);
-  EXPECT_NEAR(mean(trainee_), together, 0.02 * together);
+  EXPECT_NEAR(median(trainee_), together, 0.02 * together);
   expect_bounded(trainee_.forces(from));
   EXPECT_EQ(trainee_.strange_forces() + mentor_.strange_forces(), 0u);
 
