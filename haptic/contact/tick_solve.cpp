@@ -155,11 +155,12 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   ViscousOptions viscous = options.viscous;
   viscous.always = any_port(instruments);
   const double tick = T < period ? T : std::max(T, shortest_tick);
-  const bool just_begun = s.any_astray();
   s.astray = {};
-  if (problem.step != s.step)
+  if (problem.step != s.step) {
+    s.left_inside = 0;
     s.astray =
         astray(problem, at_tick(problem, viscous, tick, s.patch), instruments, X, s.placed, s.contact.memory);
+  }
   if (s.any_astray()) begin_anew(s.astray, problem, instruments, X, tick, viscous, contact, s);
   // share: by which the ports take more hold.
   const auto meet = [&](double share) -> const CondensedProblem& {
@@ -185,8 +186,8 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
     return now;
   };
   const CondensedProblem& now = meet(taken_in(T));
-  // What beginning anew does not free is not freed by doing so in each tick.
-  if (s.solution.lost > lost_tissue && !just_begun && !s.any_astray() && is_usable(s.solution, options) &&
+  // What beginning anew did not free, once more would not.
+  if (s.solution.lost > s.left_inside + lost_tissue && !s.any_astray() && is_usable(s.solution, options) &&
       !contact.deadline.passed()) {
     s.astray = astray(problem, now, instruments, X, s.solution.instrument, s.contact.memory);
     if (s.any_astray()) {
@@ -194,6 +195,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
       meet(0);
     }
   }
+  s.left_inside = s.any_astray() ? s.solution.lost : std::min(s.left_inside, s.solution.lost);
   s.solved = true;
   s.placed = is_usable(s.solution, options) ? s.solution.instrument : InstrumentPoses();
   return s.solution.status != SolveStatus::not_finite;

@@ -104,7 +104,7 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
 
 bool is_outside(const CondensedProblem& problem, int instrument, bool before, const ContactRows& rows,
                 std::span<const double> lambda, const PatchPositions& x_end, double lost) noexcept {
-  if (lost > (before ? shallow * problem.alarm_distance : 0)) return false;
+  if (lost > (before ? 1 : 0.5) * shallow * problem.alarm_distance) return false;
   if (before) return true;
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[i];

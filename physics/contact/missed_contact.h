@@ -13,7 +13,8 @@
 // Which side: a sample may press where n · outward < 0.2, the instrument being on the outer side of its face;
 // or, of a deformable body, whichever way its face is turned, not deeper than a quarter of the alarm
 // distance, where the instrument is known to be outside. It is so first when a solve has a force at a sample
-// of the first kind and leaves none inside without a row; and then while none is deeper than the quarter.
+// of the first kind and leaves none inside without a row by more than half of that; and then while none is
+// deeper than the quarter.
 #pragma once
 
 #include "physics/contact/candidates/samples_in_reach.h"

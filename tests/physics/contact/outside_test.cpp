@@ -129,5 +129,27 @@ TEST(Outside, WhatIsDeepAlreadyIsLost) {
   EXPECT_FALSE(loop.state.memory.outside[0]);
 }
 
+// … until no more than an eighth of the alarm distance is inside: then it is outside again, and held.
+TEST(Outside, WhatIsHardlyInsideIsHeldAgain) {
+  Faces flap;
+  flap.add(Vec3(-0.5e-3, 0, 0), true);
+  flap.add(Vec3(0.5e-3, 0, 0.13e-3), false);
+  ContactLoop loop;
+  const auto far_side_at = [&](double z) {
+    for (int n = 3; n < 6; ++n) flap.problem->x_free[n].z() = z;
+    flap.problem->x_now = flap.problem->x_free;
+    return loop.solve(*flap.problem, rod(), above(-20e-6));
+  };
+  for (const double depth : {150e-6, 70e-6, 52e-6}) {
+    EXPECT_NEAR(far_side_at(depth - 20e-6).lost, depth, 1e-12);
+    EXPECT_FALSE(loop.state.memory.outside[0]) << depth;
+  }
+  far_side_at(28e-6);
+  EXPECT_TRUE(loop.state.memory.outside[0]);
+  const ContactSolution held = far_side_at(28e-6);
+  EXPECT_LT(held.penetration, 1e-12);
+  EXPECT_NEAR(held.wrench[0][2], 3 * k * (20e-6 + 48e-6), 1e-9);
+}
+
 }  // namespace
 }  // namespace hapticd
