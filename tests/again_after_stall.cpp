@@ -79,9 +79,8 @@ int main(int argc, char** argv) {
     const std::int64_t held_up_ns = hold_ups.stop(), still_ns = stalls.stop().stalls.longest_ns();
     if (code == 0 || n == most_runs || std::max(still_ns, held_up_ns) < longest_ns) return code;
     std::printf(
-        "\nagain_after_stall: failed (%d), the machine stood still for %.1f ms and held an ordinary thread "
-        "up "
-        "for %.1f ms: run again\n\n",
+        "\nagain_after_stall: failed (%d), the machine stood still for %.1f ms and an ordinary thread for "
+        "%.1f ms: run again\n\n",
         code, 1e-6 * static_cast<double>(still_ns), 1e-6 * static_cast<double>(held_up_ns));
     std::fflush(stdout);
   }

@@ -195,7 +195,8 @@ TEST_F(ClientLibraryDaemon, ASecondThreadIsToldAndTheFirstDoesNotNotice) {
   const auto one = daemon();
   open(domain_);
   ASSERT_TRUE(pressed());
-  // Other work of the machine may hold this thread up; a trial with a pause of a client's silence tells nothing.
+  // Other work of the machine may hold this thread up; a trial with a pause of a client's silence tells
+  // nothing.
   constexpr int trials = 20;
   double pause = 1;
   for (int trial = 0; trial < trials && pause > 0.005; ++trial) {
@@ -232,7 +233,8 @@ TEST_F(ClientLibraryDaemon, ASecondThreadIsToldAndTheFirstDoesNotNotice) {
     second.join();
     if (pause > 0.005) continue;
     EXPECT_FALSE(wrong);
-    EXPECT_GE(weakest, 0.01);  // 0.02 and more when pressed
+    EXPECT_GE(weakest, 0.01);  // 0.02 and more when pressed …
+    EXPECT_LT(weakest, 1);     // … and some were
     EXPECT_GT(refused, 100);
     EXPECT_EQ(through, 0);
     EXPECT_EQ(written, 0);

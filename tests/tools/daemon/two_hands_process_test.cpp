@@ -113,8 +113,8 @@ class TwoHandsWatchdog : public testing::TestWithParam<std::tuple<const char*, i
     constexpr std::size_t fewest = 100;
     constexpr std::uint64_t steps = 6;
     for (int waited = 0; waited < patience_ms; waited += 10, pause(10)) {
-      const std::vector<Force> forces = first_->forces();
       press_again(*first_);
+      const std::vector<Force> forces = first_->forces();
       double sum = 0, least = HUGE_VAL, most = 0;
       for (std::size_t n = 1; n <= forces.size(); ++n) {
         const Force& f = forces[forces.size() - n];
