@@ -63,7 +63,8 @@ double third_law_defect(const CondensedProblem& problem, const ContactScratch& s
   const ContactRows& rows = scratch.rows;
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[static_cast<std::size_t>(i)];
-    if (row.other >= 0 || problem.sample[static_cast<std::size_t>(row.sample)].node[0] >= 0) continue;
+    if (row.other >= 0 || row.edge >= 0) continue;
+    if (!row.incision && problem.sample[static_cast<std::size_t>(row.sample)].node[0] >= 0) continue;
     Vec3 lambda = Vec3::Zero();
     for (int k = 0; k < rows.rows_per_contact; ++k)
       lambda[k] = scratch.lambda[static_cast<std::size_t>(rows.rows_per_contact * i + k)];

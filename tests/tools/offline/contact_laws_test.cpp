@@ -65,5 +65,24 @@ TEST(ContactLaws, WhatInstrumentsFeelTissueBears) {
       << "a force of " << f << " N that nobody bears";
 }
 
+// The shaft leans on the ring by a millimetre; the ball touches nothing.
+TEST(ContactLaws, ARingBearsWhatItPressesTheShaftWith) {
+  const auto problem = std::make_unique<CondensedProblem>();
+  std::vector<Instrument> ball(1, sphere_instrument(1e-3));
+  ball[0].incision = {Vec3(0, 0, 10e-3), Vec3::UnitZ(), 1e-4, 400, 0.2};
+  problem->instrument[0].coupling = {.stiffness = 100, .rotational_stiffness = 1e-3};
+  InstrumentPoses X;
+  X.present[0] = true;
+  ContactState state;
+  const auto scratch = std::make_unique<ContactScratch>();
+  solve_contact(*problem, ball, X, 1e-3, {}, state, *scratch);  // it enters in the middle
+  X[0].p = Vec3(1e-3, 0, 0);
+  const ContactSolution solution = solve_contact(*problem, ball, X, 1e-3, {}, state, *scratch);
+  ASSERT_EQ(scratch->rows.contacts, 1);
+  ASSERT_TRUE(scratch->rows.row[0].incision);
+  ASSERT_GT(solution.wrench[0].norm(), 1e-3);
+  EXPECT_LT(third_law_defect(*problem, *scratch, solution), 1e-14);
+}
+
 }  // namespace
 }  // namespace hapticd
