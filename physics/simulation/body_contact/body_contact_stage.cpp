@@ -63,6 +63,10 @@ void carry(const StepContext& c, const CondensedProblem& problem, BodyContacts& 
 
 }  // namespace
 
+BodyContactStage::BodyContactStage(const WorldSettings& settings)
+    : contacts_(settings.body_contact, settings.h) {}
+BodyContactStage::~BodyContactStage() = default;
+
 void BodyContactStage::surface_changed(Bodies& bodies, int b) {
   contacts_.surface_changed(b);
   for (const ContactPair& p : contacts_.pairs())
@@ -129,19 +133,24 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
   if (!contacts_.any()) return contact.solve(c, samples, problem, last, report);
   begin_solve(c, factors, samples, problem, report);
   contacts_.report().held = contacts_.report().friction_held = contacts_.report().capped = false;
-  VecX force = remembered_force(problem, contact.state.solver.memory);
+  const bool goes_on = known_end_ && tool_;
+  if (!goes_on) tool_force_ = remembered_force(problem, contact.state.solver.memory);
+  VecX& force = tool_force_;
   Rounds rounds;
   const auto solved = [&] { return contacts_.report().status == SolveStatus::solved; };
   double first = 0;
-  if (is_pulled(problem)) {
+  if (!goes_on && is_pulled(problem)) {
     carry(c, problem, contacts_);
-  } else {
+  } else if (!goes_on) {
     contacts_.solve(force);
     first = contacts_.linearise(c.bodies);
   }
   if (any_present(samples) && problem.samples > 0) {
-    InstrumentSide tool(problem, c.instruments, poses_of(samples), c.settings.h,
-                        contact_margin * problem.alarm_distance, contact.state.solver, contact.scratch());
+    if (!goes_on)
+      tool_ = std::make_unique<InstrumentSide>(problem, c.instruments, poses_of(samples), c.settings.h,
+                                               contact_margin * problem.alarm_distance, contact.state.solver,
+                                               contact.scratch());
+    InstrumentSide& tool = *tool_;
     const auto solve = [&] { force = contacts_.solve_with(problem, contact.scratch().rows, tool.lambda); };
     do {
       const VecX before = force;
@@ -203,6 +212,7 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
   x_end_.assign(c.bodies.size(), {});
   known_.assign(c.bodies.size(), {});
   known_end_ = false;
+  tool_.reset();
   int missing = 0;
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     contact.state.solver = before;
@@ -218,6 +228,7 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
     wake_touched(c, factors, samples);
   }
   known_end_ = false;
+  tool_.reset();
   contacts_.report().capped |= missing > 0;
   // Where all sleep, the forces of the last step hold them.
   if (report.awake_bodies > 0) contacts_.keep();

@@ -7,11 +7,12 @@
 //
 // Taking turns instead (bodies given the force, the instrument on their condensed response) does not
 // converge: what the instrument starts to slide is stuck in one turn and thrown in the next. A surface node
-// that would end inside another body without a contact joins, and the solve is repeated. Units: m, N. Errors:
-// by status.
+// that would end inside another body without a contact joins, and the solve is repeated from where it ended.
+// Units: m, N. Errors: by status.
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -19,9 +20,12 @@
 
 namespace hapticd {
 
+class InstrumentSide;
+
 class BodyContactStage {
  public:
-  explicit BodyContactStage(const WorldSettings& settings) : contacts_(settings.body_contact, settings.h) {}
+  explicit BodyContactStage(const WorldSettings& settings);
+  ~BodyContactStage();
 
   const BodyContacts& contacts() const { return contacts_; }
 
@@ -54,6 +58,8 @@ class BodyContactStage {
   BodyContacts contacts_;
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
   bool known_end_ = false;                // … as an attempt before this one found
+  std::unique_ptr<InstrumentSide> tool_;  // … which left the instruments so; none: with none in touch
+  VecX tool_force_;                       // … and their force on the patch's nodes [N]
   std::vector<std::vector<int>> known_;   // … whose compliance with one another is there
 };
 
