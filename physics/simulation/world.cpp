@@ -131,7 +131,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   return report;
 }
 
-// The pumps' vacuum on what their ports cover: where the last step left tips and tissue, as either goes on
+// The pumps' vacuum on what their ports cover: where the last solve left tips and tissue, as either goes on
 // from there. Returns how far they are covered.
 EachInstrument<double> World::draw(const InstrumentSamples& samples, CondensedProblem& problem) {
   if (!any_port(instruments_)) return {};

@@ -4,7 +4,8 @@
 //   third law     |Σ f_instruments + Σ f_tissue,obstacles| / (Σ |f_instruments| + Σ |f_tissue,obstacles|)
 //
 // Forces on instruments are the solution's wrenches, Jᵀ λ; those on tissue Hᵀ λ by node, and F λ on
-// obstacles, the rings of incisions among them. 0 where no node is another instrument's, or nothing presses. Shares, no units.
+// obstacles, the rings of incisions among them. 0 where no node is another instrument's, or nothing presses.
+// Shares, no units.
 #pragma once
 
 #include "physics/contact/contact_solve.h"
