@@ -6,7 +6,8 @@
 //             daemon's tick, and moves its own grid, here alone, so that states leave half a period before it.
 //   slots     slot k of the plan at t0 + k ms; a client that wakes too late for a slot skips it (slots.h).
 //             Clients with a common start hold their first poses until all of them are armed. With `arm_again`
-//             a client that was held up until its device was disarmed sends 50 slots without `enable`, then with.
+//             a client that was held up until its device was disarmed, or whose daemon was, sends 50 slots
+//             without `enable`, then with.
 //   letting go  20 ms of the last pose, 5 ms without `enable`, then the state is disposed of.
 // State numbers begin at the client's monotonic milliseconds and rise by one per slot, so that a client that is
 // started again never counts backwards. Forces are taken from the first daemon heard (server/dds/force_reader.h);
@@ -44,8 +45,8 @@ struct ClientSettings {
   double match_timeout = 10;  // [s]
   double arm_timeout = 10;    // [s]
   CommonStart* start = nullptr;  // with other clients, which it outlives
-  // Ask for force again after the machine held this client up until its device was disarmed. For motions
-  // that nobody's hand follows.
+  // Ask for force again after the machine held this client or the daemon up until the device was disarmed.
+  // For motions that nobody's hand follows.
   bool arm_again = false;
 };
 
@@ -142,8 +143,9 @@ class DeviceClient {
   std::int64_t next_ns_ = 0;  // sender's grid
   std::uint64_t number_ = 0;
   bool arrived_ = false;  // at the common start
-  // Of arming again: when a state was last sent, until when a disarmed device is by this client's own
-  // silence, and until when no force is asked for.
+  // Of arming again: when the daemon last said that it slept itself (0: not since it was asked), when a state
+  // was last sent, until when a disarmed device is by either's silence, and until when no force is asked for.
+  std::atomic<std::int64_t> gap_ns_{0};
   std::int64_t sent_ns_ = 0, held_up_until_ns_ = 0, edge_until_ns_ = 0;
   int armed_again_ = 0;
   double phase_shift_us_ = 0;

@@ -166,8 +166,11 @@ TEST_F(TwoHandsDaemon, NobodyThereIsToldOfEachInstrument) {
   EXPECT_NE(doctor.output.find("device 5, Touch: no client"), std::string::npos) << doctor.output;
 }
 
-// A replay that the machine holds up for 200 ms has its device let go; it arms it again and presses on.
-TEST_F(TwoHandsDaemon, AReplayThatIsHeldUpArmsAgain) {
+// A replay or its daemon that the machine holds up for 200 ms has the device let go; the replay arms it
+// again and presses on.
+class TwoHandsDaemonHeldUp : public TwoHandsDaemon, public testing::WithParamInterface<const char*> {};
+
+TEST_P(TwoHandsDaemonHeldUp, TheReplayArmsAgain) {
   ChildProcess daemon(daemon_with({}), scratch_.file("log"));
   const std::string press = scratch_.file(
       "press.csv", "t,px,py,pz\n0,0,0,0.0245\n0.3,0,0,0.0215\n3.7,0,0,0.0215\n4,0,0,0.0245\n");
@@ -177,15 +180,19 @@ TEST_F(TwoHandsDaemon, AReplayThatIsHeldUpArmsAgain) {
       scratch_.file("replay.log"));
   for (int i = 0; i < 1000 && said().find(" armed") == std::string::npos; ++i) usleep(10'000);
   usleep(900'000);
-  replay.signal(SIGSTOP);
+  ChildProcess& held_up = std::string(GetParam()) == "replay" ? replay : daemon;
+  held_up.signal(SIGSTOP);
   usleep(200'000);
-  replay.signal(SIGCONT);
+  held_up.signal(SIGCONT);
   EXPECT_EQ(replay.wait(20'000), 0) << read_bytes(scratch_.file("replay.log"));
   const nlohmann::json figures = read_json(scratch_.file("f.json"));
   EXPECT_EQ(figures["armed_again"], 1) << said();
   EXPECT_NE(said().find("disarmed"), std::string::npos) << said();
   EXPECT_GT(peak_of(scratch_.file("f.csv"), 2.5), 0.02);
 }
+
+INSTANTIATE_TEST_SUITE_P(, TwoHandsDaemonHeldUp, testing::Values("replay", "daemon"),
+                         [](const testing::TestParamInfo<const char*>& of) { return std::string(of.param); });
 
 // The second device is nobody's: the first one does not wait for it.
 TEST_F(TwoHandsDaemon, OneThatIsNotAnsweredEndsBoth) {
