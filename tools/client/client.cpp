@@ -65,7 +65,7 @@ void DeviceClient::count(const hapticd_msg_ForceCommand& force, std::int64_t now
   const bool is_new = force.echo_number != last_echo_;
   last_echo_ = force.echo_number;
   status_.store(force.status, std::memory_order_relaxed);
-  if (force.status & status_gap) gap_ns_.store(now_ns, std::memory_order_relaxed);
+  if (force.status & status_gap) gap_.store(true, std::memory_order_relaxed);
   const Vec3 f(force.force[0], force.force[1], force.force[2]);
   newest_force_.store(f.norm(), std::memory_order_relaxed);
   newest_.back() = {f, now_ns};
@@ -165,10 +165,10 @@ std::int64_t DeviceClient::plan_begin() const noexcept {
 // Whether this slot's state asks for force.
 bool DeviceClient::enables(std::int64_t now_ns) noexcept {
   if (!settings_.arm_again) return true;
-  const std::int64_t gap_ns = gap_ns_.exchange(0, std::memory_order_relaxed);
-  if ((sent_ns_ > 0 && now_ns - sent_ns_ > held_up_ns) || gap_ns > 0)
-    held_up_until_ns_ = now_ns + 4 * held_up_ns;
+  if (sent_ns_ > 0 && now_ns - sent_ns_ > held_up_ns) held_up_until_ns_ = now_ns + 4 * held_up_ns;
   sent_ns_ = now_ns;
+  if (now_ns < edge_until_ns_ + held_up_ns) return now_ns >= edge_until_ns_;  // until the answer is here
+  if (gap_.exchange(false, std::memory_order_relaxed)) held_up_until_ns_ = now_ns + 4 * held_up_ns;
   const std::uint32_t status = status_.load(std::memory_order_relaxed);
   if (now_ns < held_up_until_ns_ && (status & status_disarmed) && !(status & status_latched)) {
     held_up_until_ns_ = 0;

@@ -143,9 +143,9 @@ class DeviceClient {
   std::int64_t next_ns_ = 0;  // sender's grid
   std::uint64_t number_ = 0;
   bool arrived_ = false;  // at the common start
-  // Of arming again: when the daemon last said that it slept itself (0: not since it was asked), when a state
-  // was last sent, until when a disarmed device is by either's silence, and until when no force is asked for.
-  std::atomic<std::int64_t> gap_ns_{0};
+  // Of arming again: the daemon said that it slept itself; when a state was last sent, until when a disarmed
+  // device is by either's silence, and until when no force is asked for.
+  std::atomic<bool> gap_{false};
   std::int64_t sent_ns_ = 0, held_up_until_ns_ = 0, edge_until_ns_ = 0;
   int armed_again_ = 0;
   double phase_shift_us_ = 0;
