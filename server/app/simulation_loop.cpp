@@ -26,7 +26,7 @@ SimulationLoop::SimulationLoop(World& world, PartTimes& times, double rate,
       instruments_(instruments),
       problems_(problems),
       snapshots_(std::move(snapshots)),
-      operation_(world, 1 / rate) {}
+      operation_(world) {}
 
 SimulationLoop::~SimulationLoop() { stop(); }
 
@@ -55,6 +55,7 @@ void SimulationLoop::run() {
   const std::int64_t first = monotonic_ns();
   statistics_.first_ns = first;
   schedule_.start(first);
+  followed_ns_ = first - schedule_.period_ns();
   while (!stopping_) {
     const PlannedAction planned = schedule_.next(monotonic_ns());
     if (planned.due_ns > planned.asked_ns) sleep_until(planned.due_ns);
@@ -83,7 +84,9 @@ void SimulationLoop::end_counting() {
   const std::int64_t spent = monotonic_ns() - begun_ns_;
   statistics_.step.record(spent);
   count(schedule_.report());
-  operation_.follow(world_, schedule_.report(), samples_of(instruments_.front()));
+  const std::int64_t elapsed = now_.step_ns - std::exchange(followed_ns_, now_.step_ns);
+  operation_.follow(world_, schedule_.report(), samples_of(instruments_.front()),
+                    1e-9 * static_cast<double>(elapsed));
   publish_snapshots(spent, schedule_.report());
 }
 

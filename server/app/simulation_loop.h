@@ -122,6 +122,7 @@ class SimulationLoop final : private StepHost {
   std::vector<Channel<SceneSnapshot>*> snapshots_;
   SimulationStatistics statistics_;
   Operation operation_;
+  std::int64_t followed_ns_ = 0;  // intended time of the last step that it followed
   std::array<std::int64_t, step_parts> part_ns_{};  // summed
   ReferenceMaker references_;
   PlannedAction now_;          // that is being performed

@@ -303,7 +303,10 @@ nlohmann::json WorldSession::summary(int i) const {
   j["sim_force_peak_n"] = s.force_peak.load();
   j["handover_jump_max_n"] = {{"at_reference", s.jump_at_reference.load()},
                               {"at_removal", s.jump_at_removal.load()}};
-  if (i == 0) j["operation"] = to_json(now_->loop->operation());
+  if (i == 0) {
+    j["operation"] = to_json(now_->loop->operation());
+    j["operation"]["began_ns"] = s.first_ns.load();
+  }
   if (i == 0 && edge_) j["edge"] = edge_->summary();
   j["recording_dropped"] = recording_dropped(i);
   j["problems_captured"] = diagnostics.captured();

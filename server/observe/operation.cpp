@@ -66,7 +66,7 @@ Pressed pressed_by(const ContactScratch& scratch, int hand) {
 
 }  // namespace
 
-Operation::Operation(const World& world, double period) : period_(period), events_(world) {
+Operation::Operation(const World& world) : events_(world) {
   for (const Body& body : world.bodies()) {
     BodyMeasures of{.name = body.name, .deformable = body.deformable};
     if (body.deformable) {
@@ -102,8 +102,10 @@ std::uint64_t Operation::newest(OperationMeasures& into) const {
   return events.size() + static_cast<std::uint64_t>(events_.left_out());
 }
 
-void Operation::follow(const World& world, const StepReport& report, const InstrumentSamples& samples) {
-  measures_.time += period_;
+void Operation::follow(const World& world, const StepReport& report, const InstrumentSamples& samples,
+                       double elapsed) {
+  elapsed_ = elapsed;
+  measures_.time += elapsed_;
   follow_hands(world, report, samples);
   const std::vector<double> touch = follow_touches(world);
   for (std::size_t b = 0; b < measures_.bodies.size(); ++b) {
@@ -130,17 +132,17 @@ void Operation::follow_hands(const World& world, const StepReport& report, const
     seen_[i] = sample.present;
     hand.vacuum = sample.vacuum;
     hand.flow = report.flow[static_cast<int>(i)];
-    hand.fluid += period_ * hand.flow;
-    if (sample.aspiration && report.occlusion[static_cast<int>(i)] >= covered_share) hand.occluded += period_;
+    hand.fluid += elapsed_ * hand.flow;
+    if (sample.aspiration && report.occlusion[static_cast<int>(i)] >= covered_share) hand.occluded += elapsed_;
     if (!sample.present) continue;
     const double force = report.contact.wrench[static_cast<int>(i)].head<3>().norm();
     const Pressed pressed = pressed_by(world.contact_scratch(), static_cast<int>(i));
-    hand.touching += (pressed.ring > 0 ? pressed.others : force > 0) ? period_ : 0;
+    hand.touching += (pressed.ring > 0 ? pressed.others : force > 0) ? elapsed_ : 0;
     hand.incision_force = std::max(hand.incision_force, pressed.ring);
     hand.incision_stretch = std::max(hand.incision_stretch, pressed.stretch);
     hand.force_most = std::max(hand.force_most, force);
-    hand.emulsifying += sample.phaco ? period_ : 0;
-    hand.aspirating += sample.aspiration ? period_ : 0;
+    hand.emulsifying += sample.phaco ? elapsed_ : 0;
+    hand.aspirating += sample.aspiration ? elapsed_ : 0;
   }
 }
 
@@ -161,7 +163,7 @@ std::vector<double> Operation::follow_touches(const World& world) {
   for (std::size_t b = 0; b < force.size(); ++b) {
     BodyMeasures& of = measures_.bodies[b];
     touch.push_back(force[b].norm());
-    of.touched += touch[b] > 0 ? period_ : 0;
+    of.touched += touch[b] > 0 ? elapsed_ : 0;
     of.touch_most = std::max(of.touch_most, touch[b]);
   }
   return touch;

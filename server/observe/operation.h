@@ -8,7 +8,7 @@
 //             how many of all are loose, largest strain, time touched [s], largest force of a touch [N]
 //   events[]  operation_events.h
 //
-// Of the simulation's steps, so that a replay in virtual time measures as the daemon does. Strain:
+// Measured once a step, by the time for which it stands: a simulation that is late has longer ones. Strain:
 // equivalent_strain (strain.h), the largest of any live tetrahedron.
 // Units: scene units. Threads: `follow` belongs to one, `measures` to any. Cost: a pass over awake
 // bodies' tetrahedra a step.
@@ -51,10 +51,11 @@ struct OperationMeasures {
 
 class Operation {
  public:
-  Operation(const World& world, double period);
+  explicit Operation(const World& world);
 
-  // After each step of the world: what it reported and was given.
-  void follow(const World& world, const StepReport& report, const InstrumentSamples& samples);
+  // After each step of the world: what it reported and was given, so long after the step before [s].
+  void follow(const World& world, const StepReport& report, const InstrumentSamples& samples,
+              double elapsed);
   OperationMeasures measures() const;  // after the newest step
   // The same with the newest event alone; returns how many there were. Into memory that was used before it
   // allocates nothing.
@@ -64,7 +65,7 @@ class Operation {
   void follow_hands(const World& world, const StepReport& report, const InstrumentSamples& samples);
   std::vector<double> follow_touches(const World& world);  // the force on each body
 
-  double period_;
+  double elapsed_ = 0;  // of the newest step
   OperationMeasures measures_;
   mutable std::mutex mutex_;
   OperationEvents events_;              // by the mutex

@@ -234,8 +234,8 @@ bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sour
     removed = tick.removed;
   };
   sinks.step = [&](const ReplayedStep& step) {
-    if (!operation) operation.emplace(step.world, 1 / scene.rate);
-    if (step.slot >= 0) operation->follow(step.world, step.report, step.samples);
+    if (!operation) operation.emplace(step.world);
+    if (step.slot >= 0) operation->follow(step.world, step.report, step.samples, 1 / scene.rate);
     if (frames) frames->add(step);
   };
   const bool complete = replay_offline(scene, sources, slots, sinks);

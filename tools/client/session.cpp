@@ -194,6 +194,7 @@ void report(const Played& played, const SessionOptions& options, nlohmann::order
   json["slots_sent"] = book.sent();
   json["slots_answered"] = book.answered();
   json["answered_share"] = rounded(answered, 5);
+  json["began_ns"] = book.plan().time_of(0);
   if (played.machine) {
     json["machine_stalls"] = to_json(*played.machine);
     json["answered_between_stalls"] = rounded(answered_between_stalls(book, played.machine->stalls), 5);

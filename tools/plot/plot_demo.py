@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 """Draws the demonstration: force.png, latency.png, stages.png and lens.png.
 
-Reads forces.csv (and forces.NAME.csv of a second hand), daemon.json, BODY_before.vtk, BODY_at_TIME.vtk and
-BODY_after.vtk from DIRECTORY and writes the pictures there. Histograms are daemon.json's wake_histogram and solve_histogram, [[middle of the bin in us, count], ...];
-where it has none, they are counted from the answered slots in forces.csv.
+Reads forces.csv (and forces.NAME.csv of a second hand), daemon.json, replay.json, BODY_before.vtk,
+BODY_at_TIME.vtk and BODY_after.vtk from DIRECTORY and writes the pictures there. Histograms are daemon.json's
+wake_histogram and solve_histogram, [[middle of the bin in us, count], ...]; where it has none, they are counted
+from the answered slots in forces.csv.
 Example: tools/plot/plot_demo.py build/demo --body lens
 """
 import argparse
@@ -41,6 +42,14 @@ def size_of(forces):
     return np.sqrt(forces["fx"] ** 2 + forces["fy"] ** 2 + forces["fz"] ** 2)
 
 
+def events_of(daemon, replay):
+    """The operation's events, their times counted from the replay's first slot as those of the forces."""
+    operation, first = daemon.get("operation", {}), replay.get("devices", [replay])[0]
+    known = "began_ns" in operation and "began_ns" in first
+    later = 1e-9 * (operation["began_ns"] - first["began_ns"]) if known else 0
+    return [dict(event, time_s=event["time_s"] + later) for event in operation.get("events", [])]
+
+
 def occlusions(events, end):
     """From where the first hand's port is covered to where it is free again [s]."""
     found, since = [], None
@@ -53,10 +62,10 @@ def occlusions(events, end):
     return found + ([(since, end)] if since is not None else [])
 
 
-def plot_force(hands, daemon, path):
+def plot_force(hands, daemon, replay, path):
     """Of each hand; below, of an operation with events, how much is gone and in how many pieces it is."""
     operation = daemon.get("operation", {})
-    events = operation.get("events", [])
+    events = events_of(daemon, replay)
     several = len(hands) > 1
     figure, rows = plt.subplots(2 if several else 1, 1, figsize=(9, 5.4 if several else 3.6), squeeze=False, sharex=True,
                                 height_ratios=(2, 1) if several else None, constrained_layout=True)
@@ -250,7 +259,8 @@ def main():
         files = [directory / "forces.csv"] + sorted(directory.glob("forces.*.csv"))
         names = [daemon.get("instrument", "device")] + [file.stem.split(".", 1)[1] for file in files[1:]]
         hands = [(name, read_forces(file)) for name, file in zip(names, files)]
-        plot_force(hands, daemon, directory / "force.png")
+        replay = json.loads((directory / "replay.json").read_text())
+        plot_force(hands, daemon, replay, directory / "force.png")
         plot_latency(daemon, hands[0][1], directory / "latency.png")
         before, after = (read_vtk(directory / f"{given.body}_{when}.vtk") for when in ("before", "after"))
         plot_lens(before, after, directory / "lens.png")

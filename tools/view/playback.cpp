@@ -143,8 +143,8 @@ struct Playback::State {
     sinks.step = [&](const ReplayedStep& step) {
       aspirated += static_cast<std::uint32_t>(step.report.fragments_aspirated);
       if (step.slot < 0) return;
-      if (!operation) operation.emplace(step.world, 1 / scene.rate);
-      operation->follow(step.world, step.report, step.samples);
+      if (!operation) operation.emplace(step.world);
+      operation->follow(step.world, step.report, step.samples, 1 / scene.rate);
       if (steps++ % every != 0) return;
       const std::shared_ptr<Frame> frame = frame_of(step, aspirated);
       frame->operation = operation_of(*operation);

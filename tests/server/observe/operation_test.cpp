@@ -35,7 +35,7 @@ struct Bar {
   }
   void step(Operation& operation) {
     const StepReport report = world->step([&] { return InstrumentSamples(hand); }, *problem);
-    operation.follow(*world, report, InstrumentSamples(hand));
+    operation.follow(*world, report, InstrumentSamples(hand), period);
   }
   std::vector<int> cell(int k) const {
     std::vector<int> tets;
@@ -54,7 +54,7 @@ struct Bar {
 
 TEST(Operation, ATipDrawnAroundASquareHasGoneItsSides) {
   Bar bar;
-  Operation operation(*bar.world, period);
+  Operation operation(*bar.world);
   const Vec3 start = bar.hand.pose.p;
   bar.step(operation);
   for (const Vec3& to : {Vec3(0.01, 0, 0), Vec3(0.01, 0.01, 0), Vec3(0, 0.01, 0), Vec3(0, 0, 0)}) {
@@ -74,7 +74,7 @@ TEST(Operation, ATipDrawnAroundASquareHasGoneItsSides) {
 // A hand that comes back elsewhere has gone no way meanwhile.
 TEST(Operation, AHandThatIsNotThereGoesNowhere) {
   Bar bar;
-  Operation operation(*bar.world, period);
+  Operation operation(*bar.world);
   bar.step(operation);
   bar.hand.present = false;
   bar.step(operation);
@@ -87,7 +87,7 @@ TEST(Operation, AHandThatIsNotThereGoesNowhere) {
 // The fourth of eight cells goes: an eighth of the volume, and what was above is loose; then that is taken.
 TEST(Operation, CountsVolumeAndPieces) {
   Bar bar;
-  Operation operation(*bar.world, period);
+  Operation operation(*bar.world);
   bar.step(operation);
   BodyMeasures body = operation.measures().bodies[0];
   EXPECT_NEAR(body.volume, 8e-6, 1e-15);
@@ -126,10 +126,10 @@ TEST(Operation, WhatIsSmallerThanAHundredthIsACrumb) {
   std::vector<BodySettings> bodies;
   bodies.push_back(std::move(bar));
   World world(std::move(bodies), ball(5e-3), settings());
-  Operation operation(world, period);
+  Operation operation(world);
   const auto problem = std::make_unique<CondensedProblem>();
   world.schedule_removal(0, gone);
-  operation.follow(world, world.step([] { return InstrumentSamples(); }, *problem), InstrumentSamples());
+  operation.follow(world, world.step([] { return InstrumentSamples(); }, *problem), InstrumentSamples(), period);
   const BodyMeasures body = operation.measures().bodies[0];
   EXPECT_EQ(body.pieces, 1);
   EXPECT_EQ(body.pieces_most, 1);
@@ -140,7 +140,7 @@ TEST(Operation, WhatIsSmallerThanAHundredthIsACrumb) {
 // Pressed, what the body feels is what the hand feels, and the strain lies above the mean compression.
 TEST(Operation, ATouchIsWhatTheHandFeels) {
   Bar bar;
-  Operation operation(*bar.world, period);
+  Operation operation(*bar.world);
   bar.hand.pose.p.z() = 0.08 + 5e-3 + 1e-3;
   for (int k = 0; k < 5; ++k) bar.step(operation);
   for (int k = 0; k < 50; ++k) {
@@ -158,6 +158,16 @@ TEST(Operation, ATouchIsWhatTheHandFeels) {
   EXPECT_EQ(json["hands"][0]["sim_force_most_n"], m.hands[0].force_most);
 }
 
+// A step that came late stands for as long as it took: the seconds are those of the hand.
+TEST(Operation, CountsTheHandsOwnTime) {
+  Bar bar;
+  Operation operation(*bar.world);
+  bar.hand.aspiration = true;
+  for (const double elapsed : {0.02, 0.06, 0.04}) operation.follow(*bar.world, {}, InstrumentSamples(bar.hand), elapsed);
+  EXPECT_NEAR(operation.measures().time, 0.12, 1e-15);
+  EXPECT_NEAR(operation.measures().hands[0].aspirating, 0.12, 1e-15);
+}
+
 TEST(SampleId, NamesItsBody) {
   for (const int body : {0, 1, 7, 200}) EXPECT_EQ(body_of_sample(sample_id(body, (1 << 20) + 5, 4095)), body);
   EXPECT_NE(sample_id(1, 2, 3), sample_id(1, 3, 2));
@@ -172,7 +182,7 @@ std::vector<std::string> told(const OperationMeasures& m) {
 // An eighth goes, and the rest falls in two; then half of it all is gone, which is told once for each mark.
 TEST(OperationEvents, PiecesAndVolumeAreToldOnce) {
   Bar bar;
-  Operation operation(*bar.world, period);
+  Operation operation(*bar.world);
   bar.step(operation);
   EXPECT_TRUE(operation.measures().events.empty());
   bar.world->schedule_removal(0, bar.cell(3));
@@ -242,14 +252,14 @@ TEST(Operation, MeasuresTheIncision) {
   Instrument shaft = ball(5e-3);
   shaft.incision = {Vec3(0, 0, 0.3), Vec3::UnitZ(), 1e-3, 500, 0};
   World world(std::move(bodies), shaft, settings());
-  Operation operation(world, period);
+  Operation operation(world);
   const auto problem = std::make_unique<CondensedProblem>();
   InstrumentSample hand = at(Vec3(0, 0, 0.2));
   StepReport report;
   for (int k = 0; k < 20; ++k) {
     hand.pose.p.x() = 0.5e-3 * std::min(k, 8);
     report = world.step([&] { return InstrumentSamples(hand); }, *problem);
-    operation.follow(world, report, InstrumentSamples(hand));
+    operation.follow(world, report, InstrumentSamples(hand), period);
   }
   const HandMeasures m = operation.measures().hands[0];
   EXPECT_GT(m.incision_force, 0);
@@ -262,13 +272,13 @@ TEST(Operation, MeasuresTheIncision) {
 // What flows in while tissue covers a quarter of the port for a second, and all of it for another.
 TEST(Operation, CountsTheFluidAndTheTimeOccluded) {
   Bar bar;
-  Operation operation(*bar.world, period);
+  Operation operation(*bar.world);
   bar.hand.aspiration = true;
   for (int k = 0; k < 100; ++k) {
     StepReport report;
     report.occlusion[0] = k < 50 ? 0.25 : 1;
     report.flow[0] = 4e-7 * (1 - report.occlusion[0]);
-    operation.follow(*bar.world, report, InstrumentSamples(bar.hand));
+    operation.follow(*bar.world, report, InstrumentSamples(bar.hand), period);
   }
   const HandMeasures hand = operation.measures().hands[0];
   EXPECT_NEAR(hand.fluid, 3e-7, 1e-15);
