@@ -133,7 +133,8 @@ void Operation::follow_hands(const World& world, const StepReport& report, const
     hand.vacuum = sample.vacuum;
     hand.flow = report.flow[static_cast<int>(i)];
     hand.fluid += elapsed_ * hand.flow;
-    if (sample.aspiration && report.occlusion[static_cast<int>(i)] >= covered_share) hand.occluded += elapsed_;
+    if (sample.aspiration && report.occlusion[static_cast<int>(i)] >= covered_share)
+      hand.occluded += elapsed_;
     if (!sample.present) continue;
     const double force = report.contact.wrench[static_cast<int>(i)].head<3>().norm();
     const Pressed pressed = pressed_by(world.contact_scratch(), static_cast<int>(i));

@@ -54,8 +54,7 @@ class Operation {
   explicit Operation(const World& world);
 
   // After each step of the world: what it reported and was given, so long after the step before [s].
-  void follow(const World& world, const StepReport& report, const InstrumentSamples& samples,
-              double elapsed);
+  void follow(const World& world, const StepReport& report, const InstrumentSamples& samples, double elapsed);
   OperationMeasures measures() const;  // after the newest step
   // The same with the newest event alone; returns how many there were. Into memory that was used before it
   // allocates nothing.

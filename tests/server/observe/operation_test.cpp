@@ -129,7 +129,8 @@ TEST(Operation, WhatIsSmallerThanAHundredthIsACrumb) {
   Operation operation(world);
   const auto problem = std::make_unique<CondensedProblem>();
   world.schedule_removal(0, gone);
-  operation.follow(world, world.step([] { return InstrumentSamples(); }, *problem), InstrumentSamples(), period);
+  operation.follow(world, world.step([] { return InstrumentSamples(); }, *problem), InstrumentSamples(),
+                   period);
   const BodyMeasures body = operation.measures().bodies[0];
   EXPECT_EQ(body.pieces, 1);
   EXPECT_EQ(body.pieces_most, 1);
@@ -163,7 +164,8 @@ TEST(Operation, CountsTheHandsOwnTime) {
   Bar bar;
   Operation operation(*bar.world);
   bar.hand.aspiration = true;
-  for (const double elapsed : {0.02, 0.06, 0.04}) operation.follow(*bar.world, {}, InstrumentSamples(bar.hand), elapsed);
+  for (const double elapsed : {0.02, 0.06, 0.04})
+    operation.follow(*bar.world, {}, InstrumentSamples(bar.hand), elapsed);
   EXPECT_NEAR(operation.measures().time, 0.12, 1e-15);
   EXPECT_NEAR(operation.measures().hands[0].aspirating, 0.12, 1e-15);
 }
