@@ -1,15 +1,14 @@
 #include "haptic/loop.h"
 
 #include <sys/resource.h>
-#include <time.h>
 
-#include <cerrno>
 #include <limits>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "haptic/allocation_count.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 namespace {
@@ -66,18 +65,6 @@ std::vector<DeviceSettings> settings_of(const std::vector<LoopDevice>& devices) 
 }
 
 }  // namespace
-
-std::int64_t monotonic_ns() noexcept {
-  timespec t;
-  clock_gettime(CLOCK_MONOTONIC, &t);
-  return std::int64_t{t.tv_sec} * 1'000'000'000 + t.tv_nsec;
-}
-
-void sleep_until(std::int64_t ns) noexcept {
-  const timespec t{ns / 1'000'000'000, ns % 1'000'000'000};
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
-  }
-}
 
 HapticLoop::HapticLoop(Instruments instruments, const std::vector<LoopDevice>& devices,
                        const HapticOptions& options, Channel<CondensedProblem>& problems,

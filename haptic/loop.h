@@ -35,10 +35,6 @@
 
 namespace hapticd {
 
-// CLOCK_MONOTONIC.
-std::int64_t monotonic_ns() noexcept;
-void sleep_until(std::int64_t ns) noexcept;
-
 // The device's side of the loop. All three are called from the loop's thread only.
 class DevicePort {
  public:

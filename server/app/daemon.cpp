@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "haptic/allocation_count.h"
+#include "haptic/clock.h"
 #include "server/dds/dds_sockets.h"
 #include "server/dds/network.h"
 #include "server/observe/dds_log.h"

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "haptic/clock.h"
 #include "server/app/world_session.h"
 #include "server/dds/command.h"
 #include "server/observe/metrics.h"

@@ -1,6 +1,6 @@
 #include "server/app/reference_maker.h"
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 

@@ -5,6 +5,7 @@
 #include <ctime>
 #include <thread>
 
+#include "haptic/clock.h"
 #include "server/files/input_error.h"
 #include "server/observe/log.h"
 #include "server/plan/plan.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/observe/contact_forces.h"
 #include "server/os/realtime.h"
 

@@ -4,6 +4,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "haptic/clock.h"
 #include "server/edge/scene_mark.h"
 #include "server/files/output_file.h"
 #include "server/observe/log.h"

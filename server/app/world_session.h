@@ -16,6 +16,7 @@
 #include <optional>
 #include <vector>
 
+#include "haptic/clock.h"
 #include "server/app/simulation_loop.h"
 #include "server/dds/device_bridge.h"
 #include "server/edge/remote_hand.h"

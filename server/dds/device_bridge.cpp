@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "haptic/clock.h"
 #include "server/os/realtime.h"
 
 namespace hapticd {

@@ -1,3 +1,4 @@
+#include "haptic/clock.h"
 #include "server/dds/ros2_mirror.h"
 
 #include <cmath>

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/borrowed.h"
 #include "server/observe/log.h"
 

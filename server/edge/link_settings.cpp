@@ -4,7 +4,7 @@
 #include <random>
 #include <utility>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/os/realtime.h"
 
 namespace hapticd {

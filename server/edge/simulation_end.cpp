@@ -4,7 +4,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/observe/log.h"
 
 namespace hapticd {

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "haptic/clock.h"
 #include "server/dds/borrowed.h"
 #include "server/observe/dds_log.h"
 #include "server/observe/instrument_shape.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 

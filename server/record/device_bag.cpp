@@ -1,3 +1,4 @@
+#include "haptic/clock.h"
 #include "server/record/device_bag.h"
 
 #include <time.h>

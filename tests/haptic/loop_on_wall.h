@@ -1,6 +1,7 @@
 // What tests of the loop share: devices with wide limits on the wall of wall.h, and states that press into it.
 #pragma once
 
+#include "haptic/clock.h"
 #include "haptic/loop.h"
 #include "tests/haptic/wall.h"
 

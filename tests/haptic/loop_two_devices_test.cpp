@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "tests/haptic/loop_on_wall.h"
 
 namespace hapticd {

@@ -13,6 +13,7 @@
 #include <string>
 #include <thread>
 
+#include "haptic/clock.h"
 #include "server/dds/network.h"
 #include "server/observe/diagnostics.h"
 

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "haptic/clock.h"
 #include "server/dds/device_bridge.h"
 
 namespace hapticd {

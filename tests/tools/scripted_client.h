@@ -12,7 +12,8 @@
 #include <thread>
 #include <vector>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
+#include "haptic/device.h"
 #include "server/dds/force_reader.h"
 
 namespace hapticd {

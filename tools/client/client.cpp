@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/key_dates.h"
 #include "tools/cli/interrupt.h"
 #include "tools/client_library/phase.h"

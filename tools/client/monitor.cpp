@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "tools/cli/report.h"
 #include "tools/record/surface_file.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/os/realtime.h"
 #include "tools/cli/report.h"
 

@@ -5,12 +5,12 @@
 
 #include <unistd.h>
 
+#include "haptic/clock.h"
 #include "haptic/device.h"
-#include "haptic/loop.h"
 #include "server/dds/dds.h"
 #include "tools/client/client.h"
-#include "tools/record/instrument_list.h"
 #include "tools/doctor/doctor.h"
+#include "tools/record/instrument_list.h"
 
 namespace hapticd {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/dds.h"
 #include "tools/cli/child.h"
 #include "tools/doctor/doctor.h"

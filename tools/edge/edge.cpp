@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "haptic/clock.h"
 #include "server/app/edge_session.h"
 #include "server/dds/network.h"
 #include "server/files/input_error.h"

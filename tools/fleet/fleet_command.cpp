@@ -8,7 +8,7 @@
 #include <optional>
 #include <thread>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/network.h"
 #include "server/files/usage.h"
 #include "server/os/realtime.h"

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <memory>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 namespace {

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <thread>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "tools/cli/interrupt.h"
 
 namespace hapticd {

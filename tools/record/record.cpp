@@ -5,6 +5,7 @@
 #include <optional>
 #include <thread>
 
+#include "haptic/clock.h"
 #include "server/dds/network.h"
 #include "server/files/output_file.h"
 #include "server/files/usage.h"

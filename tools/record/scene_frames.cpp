@@ -1,6 +1,6 @@
 #include "tools/record/scene_frames.h"
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "tools/record/instrument_surface.h"
 
 namespace hapticd {

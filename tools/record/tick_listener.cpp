@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "haptic/clock.h"
 #include "server/observe/diagnostics.h"
 
 namespace hapticd {

@@ -7,7 +7,7 @@
 #include <map>
 #include <stdexcept>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/dds.h"
 #include "tools/robustness/packet_attack.h"
 

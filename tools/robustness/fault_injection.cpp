@@ -12,6 +12,7 @@
 #include <iterator>
 #include <thread>
 
+#include "haptic/clock.h"
 #include "server/files/paths.h"
 #include "server/scene/scene_reader.h"
 #include "tools/cli/child.h"

@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/files/paths.h"
 
 namespace hapticd {

@@ -12,7 +12,7 @@
 #include <string>
 #include <thread>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 namespace {

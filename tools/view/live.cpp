@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "tools/view/operation_json.h"
 #include "tools/view/page_service.h"
 

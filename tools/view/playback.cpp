@@ -7,6 +7,7 @@
 #include <optional>
 #include <thread>
 
+#include "haptic/clock.h"
 #include "server/observe/diagnostics.h"
 #include "server/observe/instrument_shape.h"
 #include "server/observe/operation_message.h"

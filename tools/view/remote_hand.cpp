@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "haptic/channel.h"
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "tools/client/hand_source.h"
 
 namespace hapticd {

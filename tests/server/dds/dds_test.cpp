@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "server/dds/device_bridge.h"
 #include "server/os/realtime.h"
 #include "tests/support/malloc_guard.h"

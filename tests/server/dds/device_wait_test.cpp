@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "server/dds/device_bridge.h"
 
 namespace hapticd {

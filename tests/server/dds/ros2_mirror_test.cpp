@@ -15,6 +15,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "server/observe/diagnostics.h"
 
 namespace hapticd {

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/edge/edge_end.h"
 #include "server/edge/simulation_end.h"
 #include "tests/support/contact_problems.h"

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 namespace {

@@ -10,6 +10,7 @@
 
 #include <unistd.h>
 
+#include "haptic/clock.h"
 #include "server/app/simulation_loop.h"
 #include "server/files/input_error.h"
 #include "server/scene/scene_reader.h"

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 
 namespace hapticd {
 namespace {

@@ -9,7 +9,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
+#include "haptic/device.h"
 #include "server/dds/dds.h"
 #include "tests/support/process.h"
 

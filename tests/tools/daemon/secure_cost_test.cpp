@@ -13,7 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/dds.h"
 #include "server/os/realtime.h"
 #include "tests/support/malloc_guard.h"

@@ -10,7 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/dds/dds.h"
 #include "tests/support/process.h"
 #include "tests/tools/secure_keys.h"

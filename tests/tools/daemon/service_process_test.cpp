@@ -21,6 +21,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "haptic/loop.h"
 #include "server/dds/dds.h"
 #include "server/observe/log.h"

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "server/files/paths.h"
 #include "tests/support/process.h"
 #include "tests/tools/fake_daemon.h"

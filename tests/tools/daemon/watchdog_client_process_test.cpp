@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "tests/tools/daemon/watchdog_fixture.h"
 
 namespace hapticd {

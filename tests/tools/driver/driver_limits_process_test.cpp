@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include "haptic/clock.h"
 #include "server/files/input_error.h"
 #include "server/files/paths.h"
 #include "tests/support/process.h"

@@ -6,8 +6,8 @@
 #include <memory>
 #include <numbers>
 
+#include "haptic/clock.h"
 #include "haptic/haptic_step.h"
-#include "haptic/loop.h"
 #include "tests/support/contact_problems.h"
 #include "tools/chart/solver/drawn_contacts.h"
 #include "tools/cli/report.h"

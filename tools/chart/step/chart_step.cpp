@@ -8,7 +8,7 @@
 #include <memory>
 #include <thread>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/app/reference_maker.h"
 #include "server/os/realtime.h"
 #include "server/scene/scene_world.h"

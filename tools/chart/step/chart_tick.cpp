@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "haptic/loop.h"
+#include "haptic/clock.h"
 #include "server/scene/scene_world.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/chart/step/travelling_tip.h"
