@@ -95,12 +95,14 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   gather(samples, topology_changed, problem, report);
   contact_.condense(context_, factors_, samples, problem, report);
   report.occlusion = draw(samples, problem);
+  const auto before = is_pulled(problem) ? std::optional(contact_.state) : std::nullopt;
   const std::optional<EachInstrument<Vec6>> last = wrenches_before_handover(samples, report);
   body_contact_.solve(context_, factors_, contact_, samples, problem, last, report);
-  if (is_pulled(problem) && usable(report.contact)) {
+  if (before && usable(report.contact)) {
     report.occlusion =
         draw_at_end(instruments_, samples, report.contact.instrument, contact_.scratch().x, problem);
-    body_contact_.solve_again(context_, factors_, contact_, samples, problem, last, report);
+    contact_.state = *before;
+    body_contact_.solve(context_, factors_, contact_, samples, problem, last, report);
   }
   placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
   report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force);

@@ -208,14 +208,14 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
                              const InstrumentSamples& samples, const CondensedProblem& problem,
                              const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
-  before_ = contact.state.solver;
+  const ContactState before = contact.state.solver;
   x_end_.assign(c.bodies.size(), {});
   known_.assign(c.bodies.size(), {});
   known_end_ = false;
   tool_.reset();
   int missing = 0;
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
-    contact.state.solver = before_;
+    contact.state.solver = before;
     solve_once(c, factors, contact, samples, problem, last, report);
     for (const ContactPair& p : contacts_.pairs())
       for (const int b : {p.points, p.faces}) predict_end(c, b, contact.state.patch_force);
@@ -233,14 +233,6 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
   // Where all sleep, the forces of the last step hold them.
   if (report.awake_bodies > 0) contacts_.keep();
   report.body_contact = contacts_.report();
-}
-
-void BodyContactStage::solve_again(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
-                                   const InstrumentSamples& samples, const CondensedProblem& problem,
-                                   const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
-  if (contacts_.empty()) return contact.solve_end(c, samples, problem, last, report);
-  contact.state.solver = before_;
-  solve(c, factors, contact, samples, problem, last, report);
 }
 
 void BodyContactStage::condense(const Bodies& bodies, const VecX& patch_force, CondensedProblem& problem,

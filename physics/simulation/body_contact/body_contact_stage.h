@@ -39,10 +39,6 @@ class BodyContactStage {
   void solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
              const InstrumentSamples& samples, const CondensedProblem& problem,
              const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
-  // After it, once more: what instruments draw with has changed.
-  void solve_again(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
-                   const InstrumentSamples& samples, const CondensedProblem& problem,
-                   const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
   // One attempt of it, with the contacts that are known.
   void solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
@@ -60,7 +56,6 @@ class BodyContactStage {
   void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples);
 
   BodyContacts contacts_;
-  ContactState before_;                   // of the instruments, before the solve
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
   bool known_end_ = false;                // … as an attempt before this one found
   std::unique_ptr<InstrumentSide> tool_;  // … which left the instruments so; none: with none in touch

@@ -127,11 +127,10 @@ void InstrumentContact::condense(const StepContext& c, FactorStage& factors, con
 void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& samples,
                               const CondensedProblem& problem,
                               const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
+  const Within solve(c.times(), StepPart::solve);
   const WorldSettings& settings = c.settings;
   const InstrumentPoses X = poses_of(samples);
-  end_ = {state.solver};
   if (X.any()) {
-    const Within solve(c.times(), StepPart::solve);
     // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
     // on the way, with all that the solves there remember.
     InstrumentPoses from = X;
@@ -147,21 +146,8 @@ void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& sam
     for (int p = 1; p <= parts; ++p)
       solve_contact(problem, c.instruments, displaced(from, way, p / (parts + 1)), settings.h, options,
                     state.solver, *scratch_);
-    end_ = {state.solver, options.parts / (parts + 1 - std::floor(parts))};  // what is left of the way
-  }
-  solve_end(c, samples, problem, last, report);
-}
-
-void InstrumentContact::solve_end(const StepContext& c, const InstrumentSamples& samples,
-                                  const CondensedProblem& problem,
-                                  const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
-  const Within solve(c.times(), StepPart::solve);
-  const InstrumentPoses X = poses_of(samples);
-  if (X.any()) {
-    ContactOptions options = contact_options(c.settings);
-    options.parts = end_.parts;
-    state.solver = end_.solver;
-    report.contact = solve_contact(problem, c.instruments, X, c.settings.h, options, state.solver, *scratch_);
+    options.parts /= parts + 1 - std::floor(parts);  // what is left of the way
+    report.contact = solve_contact(problem, c.instruments, X, settings.h, options, state.solver, *scratch_);
     if (last)
       for (int i = 0; i < max_instruments; ++i)
         report.handover_jump = std::max(report.handover_jump,

@@ -58,9 +58,6 @@ class InstrumentContact {
   // last: wrenches at these poses, of the problem published last; the step is then reported as a handover.
   void solve(const StepContext& c, const InstrumentSamples& samples, const CondensedProblem& problem,
              const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
-  // After it, once more, from where the way ended: x_free is another.
-  void solve_end(const StepContext& c, const InstrumentSamples& samples, const CondensedProblem& problem,
-                 const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
   const PatchGatherer& patch() const { return gatherer_; }
   ContactScratch& scratch() { return *scratch_; }
@@ -69,12 +66,7 @@ class InstrumentContact {
   InstrumentContactState state;
 
  private:
-  struct End {  // of the way: what the solves on it remember, and how much of the way is left
-    ContactState solver;
-    double parts = 1;
-  };
   PatchGatherer gatherer_;
-  End end_;
   std::unique_ptr<ContactScratch> scratch_;
   MatX block_;
   std::uint64_t problems_ = 0;
