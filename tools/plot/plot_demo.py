@@ -95,11 +95,12 @@ def plot_force(hands, daemon, replay, path):
                   label="gone of the body: at the end by volume, until then by elements")
         axes.set_ylabel("gone [%]")
         axes.set_ylim(0, 118)
-        shown = -1e9
+        shown, lower = -1e9, 0
         for event in events:
             if event["what"] == "pieces" and event["value"] <= 4:
                 axes.axvline(event["time_s"], color=INK, lw=0.8, ls=":")
-                axes.annotate(f"{event['value']:.0f} pieces", (event["time_s"], 104 if event["time_s"] - shown > 8 else 92),
+                lower = lower + 1 if event["time_s"] - shown < 8 else 0
+                axes.annotate(f"{event['value']:.0f} pieces", (event["time_s"], 104 - 12 * lower),
                               xytext=(3, 0), textcoords="offset points", fontsize=8, bbox=LABEL_BOX)
                 shown = event["time_s"]
         axes.legend(loc="lower right", fontsize=8)
