@@ -1,7 +1,8 @@
-#include "haptic/clock.h"
 #include "server/dds/ros2_mirror.h"
 
 #include <cmath>
+
+#include "haptic/clock.h"
 
 namespace hapticd {
 namespace {

@@ -8,8 +8,8 @@
 //             how many of all are loose, largest strain, time touched [s], largest force of a touch [N]
 //   events[]  operation_events.h
 //
-// Measured once a step, by the time for which it stands: a simulation that is late has longer ones. Strain:
-// equivalent_strain (strain.h), the largest of any live tetrahedron.
+// Measured after each step, which stands for the time since the one before, more than a period where the
+// simulation is late. Strain: equivalent_strain (strain.h), the largest of any live tetrahedron.
 // Units: scene units. Threads: `follow` belongs to one, `measures` to any. Cost: a pass over awake
 // bodies' tetrahedra a step.
 #pragma once

@@ -1,7 +1,8 @@
-#include "haptic/clock.h"
 #include "server/record/device_bag.h"
 
 #include <time.h>
+
+#include "haptic/clock.h"
 
 namespace hapticd {
 
