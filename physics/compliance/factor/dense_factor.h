@@ -31,7 +31,6 @@ class DenseFactor {
     size_ = size;
     stride_ = stride_of(size);
     memory_.reserve(static_cast<std::size_t>(stride_) * size);
-    for (int j = 0; j < size; ++j) std::fill_n(memory_.data() + j * stride_ + size, stride_ - size, 0.0);
     reciprocal_.resize(size);
   }
 
@@ -41,6 +40,7 @@ class DenseFactor {
   // Returns false if S is not positive definite.
   [[nodiscard]] bool factor() noexcept {
     const int height = (size_ + row_multiple - 1) / row_multiple * row_multiple;
+    for (int j = 0; j < size_; ++j) std::fill_n(memory_.data() + j * stride_ + size_, height - size_, 0.0);
     FrontAhead nothing;
     return kernels_->factor_panel(memory_.data(), stride_, height, size_, reciprocal_.data(), nothing);
   }

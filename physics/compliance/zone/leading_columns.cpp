@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "physics/compliance/factor/forward_panel.h"
 #include "physics/compliance/factor/panel_kernels.h"
 
 namespace hapticd {
@@ -80,17 +81,11 @@ void LeadingColumns::forward_sparse(Eigen::Ref<MatX> X, std::span<const int> non
   for (std::size_t s = 0; s < panel_.size(); ++s) {
     if (!touched_[s]) continue;
     const LeadingPanel& p = panel_[s];
-    using Values = Eigen::Map<const MatX, 0, Eigen::OuterStride<>>;
-    const double* value = value_.data() + p.value;
-    const Values top(value, p.width, p.width, Eigen::OuterStride<>(p.stride));
-    auto own = X.middleRows(p.first, p.width);
-    top.triangularView<Eigen::Lower>().solveInPlace(own);
+    forward_panel(value_.data() + p.value, p.stride, p.width, p.height, X.middleRows(p.first, p.width),
+                  below_);
     for (int j = 0; j < p.width; ++j) reached.push_back(p.first + j);
     const int below = p.height - p.width;
     if (below == 0) continue;
-    const Values bottom(value + p.width, below, p.width, Eigen::OuterStride<>(p.stride));
-    below_.resize(below, columns);
-    below_.noalias() = bottom * own;
     const int* row = &row_[p.row + p.width];
     for (int i = 0; i < below; ++i)
       if (row[i] < rest_dofs_) touched_[panel_of_[row[i]]] = 1;

@@ -26,7 +26,7 @@ bool ZoneFactor::take_in(std::span<const int> nodes, std::span<const Mat3> rotat
   reference_->take_in(nodes);
   grow_corner();
   if (!carried_.tie(reference_->panels(), places_, before, reference_->outer_corner())) return false;
-  reference_->take_in_elements(rotation, gone);
+  reference_->take_in_elements(nodes, rotation, gone);
   return true;
 }
 

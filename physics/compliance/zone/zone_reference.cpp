@@ -1,6 +1,7 @@
 #include "physics/compliance/zone/zone_reference.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "physics/compliance/factor/multifrontal_factor.h"
 #include "physics/tissue/tetrahedron.h"
@@ -86,10 +87,27 @@ void ZoneReference::make() {
     is_inside_[t] = elements_[t].node != no_tet && lies_inside(elements_[t]);
     if (is_inside_[t]) inside_.push_back(t);
   }
+  list_outside();
   MatX A_in = MatX::Zero(L_zz.rows(), L_zz.cols());
   add_inside(state_, {}, A_in);
   S_out.triangularView<Eigen::Lower>() -= A_in;
   made_ = true;
+}
+
+void ZoneReference::list_outside() {
+  outside_first_.assign(static_cast<std::size_t>(node_count_) + 1, 0);
+  const auto each_place = [&](const auto& visit) {
+    for (int t = 0; t < static_cast<int>(elements_.size()); ++t) {
+      if (is_inside_[t] || elements_[t].node == no_tet) continue;
+      for (const int n : elements_[t].node)
+        if (!fixed_[n] && zone_place(n) < 0) visit(t, static_cast<std::size_t>(n));
+    }
+  };
+  each_place([&](int, std::size_t n) { ++outside_first_[n + 1]; });
+  std::partial_sum(outside_first_.begin(), outside_first_.end(), outside_first_.begin());
+  outside_.resize(static_cast<std::size_t>(outside_first_.back()));
+  std::vector<int> next(outside_first_);
+  each_place([&](int t, std::size_t n) { outside_[static_cast<std::size_t>(next[n]++)] = t; });
 }
 
 bool ZoneReference::lies_inside(const SystemMatrix::Element& element) const noexcept {
@@ -124,14 +142,17 @@ void ZoneReference::take_in(std::span<const int> nodes) {
   make_room();
 }
 
-void ZoneReference::take_in_elements(std::span<const Mat3> rotation, std::span<const std::uint8_t> gone) {
+void ZoneReference::take_in_elements(std::span<const int> nodes, std::span<const Mat3> rotation,
+                                     std::span<const std::uint8_t> gone) {
   auto S_out = outer_corner();
-  for (int t = 0; t < static_cast<int>(elements_.size()); ++t) {
-    if (is_inside_[t] || gone[t] || elements_[t].node == no_tet || !lies_inside(elements_[t])) continue;
-    add_element(t, state_.left[t], rotation[t], {}, -1, S_out);
-    is_inside_[t] = 1;
-    inside_.push_back(t);
-  }
+  for (const int n : nodes)
+    for (int k = outside_first_[n]; k < outside_first_[n + 1]; ++k) {
+      const int t = outside_[k];
+      if (is_inside_[t] || gone[t] || !lies_inside(elements_[t])) continue;
+      add_element(t, state_.left[t], rotation[t], {}, -1, S_out);
+      is_inside_[t] = 1;
+      inside_.push_back(t);
+    }
 }
 
 void ZoneReference::make_room() {

@@ -60,9 +60,10 @@ class ZoneReference final : public ReferenceFactor {
   // These nodes of the rest join the corner. They are to be tied to what they were (far_field_updates.h)
   // before `take_in_elements`.
   void take_in(std::span<const int> nodes);
-  // Elements outside whose nodes have all joined: from S_out, where they are at these rotations, to those
-  // inside. `gone`: per tetrahedron, those that are in S_out no more.
-  void take_in_elements(std::span<const Mat3> rotation, std::span<const std::uint8_t> gone);
+  // Elements outside of these nodes whose nodes have all joined: from S_out, where they are at these
+  // rotations, to those inside. `gone`: per tetrahedron, those that are in S_out no more.
+  void take_in_elements(std::span<const int> nodes, std::span<const Mat3> rotation,
+                        std::span<const std::uint8_t> gone);
   // This element, inside, has that form now: it is so assembled from here on.
   void reshape(int tet, const SystemMatrix::Element& form);
   bool lies_inside(const SystemMatrix::Element& element) const noexcept;
@@ -90,6 +91,7 @@ class ZoneReference final : public ReferenceFactor {
                    Eigen::Ref<MatX, 0, Eigen::OuterStride<>> S) const noexcept;
   void join(int node);
   void make_room();
+  void list_outside();
 
   ZoneMesh mesh_;
   std::vector<int> zone_and_halo_;
@@ -109,6 +111,8 @@ class ZoneReference final : public ReferenceFactor {
   std::vector<int> near_;
   std::vector<int> inside_;
   std::vector<std::uint8_t> is_inside_;
+  std::vector<int> outside_;        // tetrahedra of free nodes of the rest, node after node, when it was made
+  std::vector<int> outside_first_;  // per node, and one more
   LeadingColumns panels_;
   PageMemory workspace_;  // of the factor, for the next reference factor's
   MatX S_out_;            // with room; zero beyond the corner
