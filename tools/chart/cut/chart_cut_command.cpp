@@ -1,4 +1,5 @@
 // haptic chart cut: what cuts cost, and whether the force of cutting is what fracture mechanics says.
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -20,6 +21,7 @@ struct CutOptions {
   int count = 2000;
   std::string lens = "5k";
   bool quick = false;
+  std::vector<std::string> only;
   std::string json, csv, out;
   bool force = false;
 };
@@ -120,26 +122,32 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
   }
   prepare_outputs("cut", "", options.out, options.json, options.csv, options.force);
   keep_malloc_pages();
+  const auto asked = [&](const std::string& part) {
+    return options.only.empty() || std::count(options.only.begin(), options.only.end(), part) > 0;
+  };
   CutCostFigures cost;
   std::vector<StepPoint> cutting;
   std::vector<BladeDraw> draws;
   std::vector<TearingBeam> beams;
   {
     Progress progress("chart");
-    for (const StepCase& of : cutting_steps(options))
-      cutting.push_back(chart_step(of, [&](double) {
-        progress.show(0.05 * static_cast<double>(cutting.size()),
-                      "steps that cut the " + of.lens.name + " lens");
-        return !interrupted();
-      }));
-    cost = chart_cut_cost(read_lens(options.lens, {4 * options.count, 3 * options.count}), options.count,
-                          0.02, [&](double fraction) {
-                            progress.show(0.1 + 0.3 * fraction, "cuts of the " + options.lens + " lens");
-                            return !interrupted();
-                          });
+    if (asked("steps"))
+      for (const StepCase& of : cutting_steps(options))
+        cutting.push_back(chart_step(of, [&](double) {
+          progress.show(0.05 * static_cast<double>(cutting.size()),
+                        "steps that cut the " + of.lens.name + " lens");
+          return !interrupted();
+        }));
+    if (asked("cost"))
+      cost = chart_cut_cost(read_lens(options.lens, {4 * options.count, 3 * options.count}), options.count,
+                            0.02, [&](double fraction) {
+                              progress.show(0.1 + 0.3 * fraction, "cuts of the " + options.lens + " lens");
+                              return !interrupted();
+                            });
     const std::vector<double> steps =
         options.quick ? std::vector<double>{0.02} : std::vector<double>{0.005, 0.01, 0.02, 0.04};
-    const std::vector<int> meshes = options.quick ? std::vector<int>{6} : std::vector<int>{6, 9};
+    std::vector<int> meshes;
+    if (asked("draw")) meshes = options.quick ? std::vector<int>{6} : std::vector<int>{6, 9};
     for (const int cells : meshes)
       for (const double h : steps) {
         if (interrupted()) return 1;
@@ -148,16 +156,20 @@ int chart_cut(CutOptions& options, const CLI::App& app) {
             "a blade drawn through a block");
         draws.push_back(draw_blade(h, cells));
       }
-    progress.show(0.9, "a beam that tears");
-    beams = chart_tearing_beam(options.quick ? std::vector<int>{2, 4} : std::vector<int>{2, 4, 6, 8});
+    if (asked("beam")) {
+      progress.show(0.9, "a beam that tears");
+      beams = chart_tearing_beam(options.quick ? std::vector<int>{2, 4} : std::vector<int>{2, 4, 6, 8});
+    }
   }
-  std::printf("  lens of %d nodes, %d tetrahedra → %d, %d; %d reference factors\n", cost.nodes, cost.tets,
-              cost.nodes_after, cost.tets_after, cost.references);
-  print("openings", cost.openings);
-  print("subdivisions", cost.subdivisions);
-  std::printf("  C_pp %.1e off; least quality of what cuts made %.3f (before %.3f); inverted %d; mesh %s\n",
-              cost.c_rel_error, cost.quality_min, cost.quality_before, cost.inverted,
-              cost.invalid.empty() ? "valid" : cost.invalid.c_str());
+  if (asked("cost")) {
+    std::printf("  lens of %d nodes, %d tetrahedra → %d, %d; %d reference factors\n", cost.nodes, cost.tets,
+                cost.nodes_after, cost.tets_after, cost.references);
+    print("openings", cost.openings);
+    print("subdivisions", cost.subdivisions);
+    std::printf("  C_pp %.1e off; least quality of what cuts made %.3f (before %.3f); inverted %d; mesh %s\n",
+                cost.c_rel_error, cost.quality_min, cost.quality_before, cost.inverted,
+                cost.invalid.empty() ? "valid" : cost.invalid.c_str());
+  }
   for (const StepPoint& p : cutting) {
     std::printf("  %d nodes, %s, cut at 10 mm/s: step p50 %.2f, p99 %.2f, max %.2f ms in %d steps that cut; ",
                 p.nodes, p.compliance.c_str(), p.step_ms_median, p.step_ms_p99, p.step_ms_max, p.split_steps);
@@ -185,6 +197,9 @@ Command add_chart_cut(CLI::App& chart) {
   CLI::App* app = chart.add_subcommand(
       "cut", "What opening and subdividing cost, and the force of cutting and tearing against theory.");
   app->add_flag("--quick", options->quick, "the smallest lens, 200 cuts, one blade: a minute");
+  app->add_option("--only", options->only, "only these parts")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"steps", "cost", "draw", "beam"}));
   app->add_option("--lens", options->lens, "of about so many nodes")
       ->check(CLI::IsMember(lens_names()))
       ->capture_default_str();

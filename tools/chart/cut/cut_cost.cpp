@@ -18,7 +18,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr int zone_nodes = 200, patch_nodes = 60;  // the daemon's largest zone
+constexpr int zone_nodes = 200, halo_nodes = 200, patch_nodes = 60;  // the daemon's largest zone and halo
 constexpr int most_carried = 48;  // changed elements not wholly inside the zone
 constexpr double quality_bound = 0.05;
 constexpr double edge_width = 0.5e-3;  // of the blade [m]
@@ -57,6 +57,7 @@ class CutRun {
   // Times one update; false: the operation did nothing.
   template <class Cut>
   bool update(const Vec3& blade, const Cut& cut, std::vector<double>& us) {
+    follow(blade);
     change_.clear();
     const auto begin = Clock::now();
     const CutStatus status = cut(model_, state_, work_, change_);
@@ -69,7 +70,6 @@ class CutRun {
         return n < static_cast<int>(in_zone_.size()) && !model_.fixed[n] && !in_zone_[n];
       });
     appended_ += static_cast<int>(change_.nodes.size());
-    follow(blade);
     return true;
   }
 
@@ -92,10 +92,12 @@ class CutRun {
 
  private:
   void move_zone(const Vec3& blade) {
-    const std::vector<int> zone = nearest_live_nodes(model_, state_, blade, zone_nodes);
+    const std::vector<int> near = nearest_live_nodes(model_, state_, blade, zone_nodes + halo_nodes);
+    const std::span<const int> zone = std::span(near).first(zone_nodes);
     in_zone_.assign(model_.nodes_in_use, 0);
     for (const int n : zone) in_zone_[n] = 1;
     compliance_->move_zone(zone);
+    compliance_->move_halo(std::span(near).subspan(zone_nodes));
   }
 
   void follow(const Vec3& blade) {
