@@ -11,10 +11,13 @@ Instrument sheet_blade(double edge_length, int samples) {
   constexpr double from_edge = 3e-3, to = 12e-3, half_thickness = 0.05e-3;  // [m]
   Instrument i;
   i.blade = make_blade({Vec3(0, 0, -edge_length / 2), Vec3(0, 0, edge_length / 2)}, Vec3::UnitX(), samples);
-  std::vector<Vec3> corners;
-  for (const double x : {-to, -from_edge})
+  // Ground to nothing in front and below: a blunt front would push what the mesh's cut leaves beside the
+  // blade's own way, up to half an element, and not cut it.
+  const double top = edge_length / 2, bottom = -top, ground = edge_length / 4;
+  std::vector<Vec3> corners = {{-from_edge, 0, bottom}, {-from_edge, 0, top}, {-to, 0, bottom}};
+  for (const double x : {-from_edge - ground, -to})
     for (const double y : {-half_thickness, half_thickness})
-      for (const double z : {-edge_length / 2, edge_length / 2}) corners.push_back(Vec3(x, y, z));
+      for (const double z : {bottom + ground, top}) corners.emplace_back(x, y, z);
   i.primitives = {make_convex("sheet", corners, {})};
   return i;
 }
