@@ -25,6 +25,8 @@ inline Doubles load(const double* p) noexcept {
   return v;
 }
 
+inline constexpr int most_sides = 3;  // right-hand sides at a time
+
 template <int columns, int sides>
 void add_columns(const double* P, int ld, int height, const double* X, std::ptrdiff_t ldx, double* Y,
                  std::ptrdiff_t ldy) noexcept {
@@ -51,7 +53,8 @@ template <int columns>
 void add_columns(const double* P, int ld, int height, const double* X, std::ptrdiff_t ldx, double* Y,
                  std::ptrdiff_t ldy, int sides) noexcept {
   int s = 0;
-  for (; s + 3 <= sides; s += 3) add_columns<columns, 3>(P, ld, height, X + s * ldx, ldx, Y + s * ldy, ldy);
+  for (; s + most_sides <= sides; s += most_sides)
+    add_columns<columns, most_sides>(P, ld, height, X + s * ldx, ldx, Y + s * ldy, ldy);
   for (; s < sides; ++s) add_columns<columns, 1>(P, ld, height, X + s * ldx, ldx, Y + s * ldy, ldy);
 }
 
@@ -103,7 +106,6 @@ inline constexpr int triangle_block = 8;  // columns solved one after the other;
 inline void solve_lower(const double* L, int ld, int size, double* X, std::ptrdiff_t ldx,
                         int sides) noexcept {
   const auto at = [L, ld](int c) { return L + static_cast<std::ptrdiff_t>(c) * ld; };
-  constexpr int most_sides = 3;  // at a time
   for (int first = 0; first < size; first += triangle_block) {
     const int end = std::min(first + triangle_block, size);
     for (int s = 0; s < sides; s += most_sides) {

@@ -56,20 +56,22 @@ nlohmann::ordered_json to_json(const CutCostFigures& f, const std::vector<StepPo
                                const std::vector<BladeDraw>& draws, const std::vector<TearingBeam>& beams) {
   nlohmann::ordered_json json;
   json["command"] = "chart cut";
-  json["nodes"] = f.nodes;
-  json["tets"] = f.tets;
-  json["nodes_after"] = f.nodes_after;
-  json["tets_after"] = f.tets_after;
-  json["references"] = f.references;
-  json["openings"] = to_json(f.openings);
-  json["subdivisions"] = to_json(f.subdivisions);
-  json["c_rel_error"] = f.c_rel_error;
-  json["volume_rel_error"] = {{"opening", f.openings.volume_rel_error},
-                              {"subdivision", f.subdivisions.volume_rel_error}};
-  json["quality_before"] = rounded(f.quality_before, 4);
-  json["quality_min"] = rounded(f.quality_min, 4);
-  json["inverted"] = f.inverted;
-  json["mesh"] = f.invalid.empty() ? "valid" : f.invalid;
+  if (f.nodes > 0) {  // else it was not asked for
+    json["nodes"] = f.nodes;
+    json["tets"] = f.tets;
+    json["nodes_after"] = f.nodes_after;
+    json["tets_after"] = f.tets_after;
+    json["references"] = f.references;
+    json["openings"] = to_json(f.openings);
+    json["subdivisions"] = to_json(f.subdivisions);
+    json["c_rel_error"] = f.c_rel_error;
+    json["volume_rel_error"] = {{"opening", f.openings.volume_rel_error},
+                                {"subdivision", f.subdivisions.volume_rel_error}};
+    json["quality_before"] = rounded(f.quality_before, 4);
+    json["quality_min"] = rounded(f.quality_min, 4);
+    json["inverted"] = f.inverted;
+    json["mesh"] = f.invalid.empty() ? "valid" : f.invalid;
+  }
   json["steps"] = nlohmann::ordered_json::array();
   for (const StepPoint& p : steps) {
     const nlohmann::ordered_json ms = {{"p50", rounded(p.step_ms_median, 2)},
