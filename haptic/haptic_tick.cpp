@@ -11,7 +11,8 @@ HapticTick::HapticTick(Instruments instruments, std::vector<DeviceSettings> devi
       devices_(std::move(devices)),
       options_(options),
       problems_(problems),
-      state_(std::make_unique<HapticState>()) {
+      state_(std::make_unique<HapticState>()),
+      kept_(std::make_unique<CondensedProblem>()) {
   if (device_count() != instruments_.count() || instruments_.count() > max_instruments)
     throw std::invalid_argument("each instrument has a device of its own");
 }
@@ -29,8 +30,16 @@ EachInstrument<ForceSample> HapticTick::run(const HapticInput& input, bool withh
   const std::int64_t period = input.period_ns > 0 ? input.period_ns : options_.watchdog.period_ns;
   for (int i = 0; i < device_count(); ++i)
     advance(ramp_[i], devices_[static_cast<std::size_t>(i)], 1e-9 * static_cast<double>(period));
-  problems_.acquire();
+  newest();
   return haptic_step(withheld ? nullptr : problem(), instruments_, devices_, options_, input, *state_);
+}
+
+const CondensedProblem* HapticTick::newest() noexcept {
+  if (state_->patch.problem.lender == &problems_.front())
+    problems_.acquire(kept_);
+  else
+    problems_.acquire();
+  return problem();
 }
 
 InstrumentInput HapticTick::instrument(int i, std::int64_t now_ns) const noexcept {

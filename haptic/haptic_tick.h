@@ -44,6 +44,9 @@ class HapticTick {
   InstrumentInput instrument(int device, std::int64_t now_ns) const noexcept;
   InstrumentInputs instruments(std::int64_t now_ns) const noexcept;
 
+  // Takes what was published since. What the last solve was of stays as it is.
+  const CondensedProblem* newest() noexcept;
+
   // The problem of the last tick; null: none was published yet.
   const CondensedProblem* problem() const noexcept {
     return problems_.front().step > 0 ? &problems_.front() : nullptr;
@@ -60,6 +63,7 @@ class HapticTick {
   Channel<CondensedProblem>& problems_;
   EachInstrument<TuningRamp> ramp_;
   std::unique_ptr<HapticState> state_;
+  std::unique_ptr<CondensedProblem> kept_;  // what the last solve was of, if that is not the newest
 };
 
 }  // namespace hapticd

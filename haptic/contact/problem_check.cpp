@@ -89,7 +89,7 @@ struct ComplianceCheck {
 };
 
 bool compliance_is_sound(const CondensedProblem& p) noexcept {
-  ComplianceCheck check{p.C_pp.data(), 3 * p.nodes, {}, 0};
+  ComplianceCheck check{p.C().data(), 3 * p.nodes, {}, 0};
   double largest = 0;
   for (int i = 0; i < check.size; ++i) {
     const double own = *check.at(i, i);

@@ -1,4 +1,5 @@
-// Whether a published problem may be felt at all: looked at once, when it is new.
+// Whether a published problem may be felt at all: looked at once, by who publishes it (`known_sound`) or
+// else when it is new.
 //
 //   counts ≤ capacity, node indices < nodes; every number in use finite; μ ≥ 0, weights within ±1e3,
 //   ‖outward‖ ≤ 1 + 1e-3; coupling ≥ 0; | ‖q_ref‖ − 1 | ≤ 1e-3; of edges | ‖d‖ − 1 | ≤ 1e-3, limit, advance,

@@ -30,10 +30,10 @@ bool all_known(const InstrumentPoses& before, const InstrumentPoses& X) noexcept
   return true;
 }
 
-// A poisoned problem would be no contact, or any force. Looked at whole when it is new.
+// A poisoned problem would be no contact, or any force. Looked at whole when it is new, if nobody has.
 bool is_sound_problem(const CondensedProblem& problem, HapticState& s) noexcept {
   if (problem.step != s.sound_step) {
-    if (!is_sound(problem)) return false;
+    if (!problem.known_sound && !is_sound(problem)) return false;
     s.sound_step = problem.step;
   }
   for (int n = 0; n < problem.nodes; ++n)

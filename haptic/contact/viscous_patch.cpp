@@ -99,7 +99,7 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
     if (patch.step > 0) carry_over(patch.problem, patch.before, published, before);
     if (options.always && patch.step > 0) carry_over(patch.problem, published, patch.grip);
     if (options.always && patch.step == 0) patch.grip = {};
-    copy_in_use(published, patch.problem);
+    lend(published, patch.problem);
     std::copy_n(before.begin(), published.nodes, patch.problem.x_now.begin());
     patch.before = before;
     patch.relaxation = relaxation;
@@ -110,12 +110,14 @@ const CondensedProblem& at_tick(const CondensedProblem& published, const Viscous
       patch.equilibrium[n] = (1 + by_step) * published.x_free[n] - by_step * published.x_now[n];
     }
   }
+  patch.problem.lender = &published;
   set_period(period, patch);
   return patch.problem;
 }
 
 const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noexcept {
-  if (patch.step == 0) return nullptr;
+  const CondensedProblem* lender = patch.problem.lender;
+  if (patch.step == 0 || !lender || lender->step != patch.step) return nullptr;
   set_period(period, patch);
   return &patch.problem;
 }

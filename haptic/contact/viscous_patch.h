@@ -12,7 +12,7 @@
 // patch is quasi-static beside its viscosity. At rest both problems are equal. x_before and grips are carried
 // from problem to problem by sample ids; new nodes begin where they are, and free. T that changes by less
 // than a twentieth counts as the same: the viscous force errs by that share. T > 0. Units: SI. Guarantee:
-// noexcept, no allocation, wait-free; one copy of the problem when it is new.
+// noexcept, no allocation, wait-free; one copy of the problem, but for C_pp, when it is new.
 #pragma once
 
 #include <array>
@@ -35,7 +35,7 @@ struct ViscousOptions {
 double lag_for(double quantum, double stiffness, double relaxation, double period) noexcept;
 
 struct ViscousPatch {
-  CondensedProblem problem;  // what the tick solves
+  CondensedProblem problem;  // what the tick solves, with C_pp of the published one
   std::uint64_t step = 0;    // of the problem it was made from; 0: none, nothing is remembered
   double published = 0;      // h that C_pp is of [s]
   double period = 0;         // T' [s]
@@ -48,12 +48,12 @@ struct ViscousPatch {
 };
 
 // The problem to be solved in this tick, patch.problem; `published` itself where rows are frozen, or nothing
-// is viscous and it need not be another.
+// is viscous and it need not be another. It is to stay as it is until the next one has been met.
 const CondensedProblem& at_tick(const CondensedProblem& published, const ViscousOptions& options,
                                 double period, ViscousPatch& patch) noexcept;
 
 // The problem of the solve before, for another T: of the part of a tick in which it was the newest. None
-// where nothing is remembered.
+// where nothing is remembered, or what it was made from is not there any more.
 const CondensedProblem* at_part_of_tick(double period, ViscousPatch& patch) noexcept;
 
 // After the solve of either: where it left the patch.

@@ -10,7 +10,7 @@
 //
 // Units: m, N, m/N. Shapes: C_pp is (3·nodes)×(3·nodes), column-major, node-wise interleaved x,y,z,
 // leading dimension `3 * nodes`. Fixed capacity: this is a plain value of ~3 MB that is written in
-// place in a channel slot; no pointer, no heap.
+// place in a channel slot; no heap, and no pointer but to a C_pp that is lent (`lend`).
 // Source: the paper, eq. (2) and Fig. 2; departure: the paper publishes rows frozen for a step, here
 // they can be renewed each haptic tick (`Renewal`).
 #pragma once
@@ -73,6 +73,7 @@ struct CondensedProblem {
   EachInstrument<InstrumentReference> instrument;
   Renewal renewal = Renewal::renewed;
   bool topology_changed = false;   // elements were removed since the previous problem
+  bool known_sound = false;        // whoever published it looked (haptic/contact/problem_check.h)
   double alarm_distance = 0;       // rows exist for gaps below this [m]
   double instrument_friction = 0;  // Coulomb μ between two instruments
 
@@ -89,9 +90,17 @@ struct CondensedProblem {
   // C_pp and what each node's columns of it are to be taken times: 1, but in a tick's own problem.
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
   std::array<double, max_patch_nodes> column_scale = all_nodes(1);
+  const CondensedProblem* lender = nullptr;  // whose C_pp this one has; null: its own
 
-  Eigen::Map<const MatX> C() const noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
-  Eigen::Map<MatX> C() noexcept { return {C_pp.data(), 3 * nodes, 3 * nodes}; }
+  Eigen::Map<const MatX> C() const noexcept {
+    return {(lender ? lender : this)->C_pp.data(), 3 * nodes, 3 * nodes};
+  }
+  // To write. One that was lent is copied first: to read it take the other.
+  Eigen::Map<MatX> C() noexcept {
+    if (lender) keep_own_compliance();
+    return {C_pp.data(), 3 * nodes, 3 * nodes};
+  }
+  void keep_own_compliance() noexcept;
 };
 
 // Whether suction loads an instrument.
@@ -104,7 +113,11 @@ inline bool is_pulled(const CondensedProblem& problem) noexcept {
 // C_pp with its columns' scale in it.
 void fold_scale(CondensedProblem& problem) noexcept;
 
-// The parts of a problem that are in use.
+// The parts of a problem that are in use. Nobody looked at the copy.
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept;
+
+// The same without C_pp, a hundred times as large as all else: it is read where it is. Pre: `from` has a C_pp
+// of its own, and stays as it is while that of `to` is read.
+void lend(const CondensedProblem& from, CondensedProblem& to) noexcept;
 
 }  // namespace hapticd

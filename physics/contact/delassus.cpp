@@ -85,7 +85,7 @@ double own_compliance(const CondensedProblem& problem, const PatchSample& s, con
   const auto size = static_cast<std::ptrdiff_t>(3 * problem.nodes);
   double sum = 0;
   for (int b = 0; b < 3; ++b) {
-    const double* const C = problem.C_pp.data() + 3 * s.node[b] * size;
+    const double* const C = problem.C().data() + 3 * s.node[b] * size;
     double of_b = 0;
     for (int a = 0; a < 3; ++a) {
       const double* const at = C + 3 * s.node[a];

@@ -94,7 +94,7 @@ class Panel {
     const double* C[corners];
     double weight[corners];
     for (int a = 0; a < corners; ++a) {
-      C[a] = problem.C_pp.data() + static_cast<std::ptrdiff_t>(3 * s.node[a]) * size;
+      C[a] = problem.C().data() + static_cast<std::ptrdiff_t>(3 * s.node[a]) * size;
       weight[a] = s.weight[a] * problem.column_scale[s.node[a]];
     }
     const auto fill_node = [&](int n, const auto& at) noexcept {

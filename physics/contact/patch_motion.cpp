@@ -20,7 +20,7 @@ void apply_compliance(const CondensedProblem& problem, const NodeForces& f, Patc
   std::fill_n(u.begin(), size, 0.0);
   for (int j = 0; j < size; j += 3) {
     if (f[j] == 0 && f[j + 1] == 0 && f[j + 2] == 0) continue;
-    const double* C = problem.C_pp.data() + static_cast<std::ptrdiff_t>(j) * size;
+    const double* C = problem.C().data() + static_cast<std::ptrdiff_t>(j) * size;
     const double scale = problem.column_scale[j / 3];
     const double g[3] = {scale * f[j], scale * f[j + 1], scale * f[j + 2]};
     for (int i = 0; i < size; ++i) u[i] = u[i] + g[0] * C[i] + g[1] * C[size + i] + g[2] * C[2 * size + i];

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "physics/contact/placed_instrument.h"
 
@@ -18,7 +19,7 @@ double falling(double v, double a, double b) noexcept { return std::clamp((b - v
 
 // x_free += s C_pp pull
 void shift(double s, CondensedProblem& problem) noexcept {
-  const auto C = problem.C();
+  const Eigen::Map<const MatX> C = std::as_const(problem).C();
   for (int n = 0; n < problem.nodes; ++n) {
     if (problem.pull[n].isZero(0)) continue;
     const Vec3 f = s * problem.column_scale[n] * problem.pull[n];

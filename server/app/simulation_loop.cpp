@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "haptic/clock.h"
+#include "haptic/contact/problem_check.h"
 #include "server/observe/contact_forces.h"
 #include "server/os/realtime.h"
 
@@ -109,6 +110,7 @@ void SimulationLoop::publish(StepAction as) {
   CondensedProblem& problem = problems_.back();
   if (as == StepAction::publish && poisoned_.exchange(false, std::memory_order_relaxed))
     for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
+  problem.known_sound = is_sound(problem);
   const std::int64_t now = monotonic_ns();
   problem.published_ns = now;
   const std::uint64_t number = problem.step;

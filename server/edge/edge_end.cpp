@@ -148,6 +148,7 @@ std::optional<EdgeEnd::Refusal> EdgeEnd::take(const hapticd_msg_EdgeProblem& m, 
   passed_on_ += m.number - newest_number_;
   newest_number_ = m.number;
   problem.step = passed_on_;
+  problem.known_sound = true;  // read_problem looked
   problems_.publish();
   taken_.fetch_add(1, relaxed);
   delay_.record(now_ns - problem.published_ns);

@@ -158,8 +158,7 @@ void VirtualDaemon::tell(const InstrumentInputs& instruments) {
 
 const CondensedProblem* VirtualDaemon::newest() {
   if (is_whole_loop_away()) return halves_->made.step > 0 ? &halves_->made : nullptr;
-  problems_.acquire();
-  return haptic_.problem();
+  return haptic_.newest();
 }
 
 InstrumentSamples VirtualDaemon::latch() {

@@ -53,6 +53,38 @@ TEST(Channel, MillionsOfPublishesNoneTornNoneGoingBack) {
   EXPECT_GT(taken, 1u);
 }
 
+// The value that was looked at before stays as it was, however much is published meanwhile.
+TEST(Channel, AFormerValueThatIsKeptIsNeverWritten) {
+  constexpr std::uint64_t publishes = 1'000'000;
+  Channel<Payload> channel;
+  std::uint64_t torn = 0, strange = 0, last = 0;
+  std::thread reader([&] {
+    auto former = std::make_unique<Payload>();
+    while (last < publishes) {
+      const bool keeps = last % 3 != 0;
+      const std::uint64_t kept = keeps ? last : former->number;
+      if (!(keeps ? channel.acquire(former) : channel.acquire())) continue;
+      torn += !channel.front().whole() + !former->whole();
+      strange += former->number != kept;
+      last = channel.front().number;
+    }
+  });
+  for (std::uint64_t n = 1; n <= publishes; ++n) {
+    channel.back().fill(n);
+    channel.publish();
+  }
+  reader.join();
+  EXPECT_EQ(torn, 0u);
+  EXPECT_EQ(strange, 0u);
+}
+
+TEST(Channel, NothingNewLeavesTheSpareAlone) {
+  Channel<int> channel;
+  auto spare = std::make_unique<int>(7);
+  EXPECT_FALSE(channel.acquire(spare));
+  EXPECT_EQ(*spare, 7);
+}
+
 TEST(Channel, ReaderGetsTheNewestOnceAndKeepsIt) {
   Channel<int> channel;
   EXPECT_FALSE(channel.acquire());

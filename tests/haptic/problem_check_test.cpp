@@ -97,6 +97,33 @@ TEST(ProblemCheck, EveryEntryOfTheComplianceIsLookedAt) {
   }
 }
 
+// Whether it is looked at shows where one that is poisoned is said to be sound; its copy is unknown.
+TEST(ProblemCheck, WhatWasLookedAtIsNotLookedAtAgain) {
+  for (const bool known : {false, true}) {
+    auto state = std::make_unique<HapticState>();
+    DeviceSettings device;
+    device.max_force = 3;
+    const auto p = sound_problem();
+    p->sample[0].friction = -1;
+    p->known_sound = known;
+    const auto copy = std::make_unique<CondensedProblem>();
+    copy_in_use(*p, *copy);
+    EXPECT_FALSE(copy->known_sound);
+    HapticInput in;
+    in.device[0].presence.connected = in.device[0].presence.new_client = true;
+    in.device[0].taken = in.device[0].sample.enable = true;
+    in.device[0].sample.pose.p = Vec3(0, 0, 4e-3 - 0.2e-3);
+    std::uint32_t status = 0;
+    for (int i = 1; i <= 160; ++i) {
+      in.now_ns = in.device[0].sample.received_ns = p->published_ns = (1000 + i) * std::int64_t{1'000'000};
+      in.device[0].sample.sequence = static_cast<std::uint64_t>(i);
+      status |= haptic_step(p.get(), sphere_instrument(4e-3), device, {}, in, *state).status;
+      in.device[0].presence.new_client = false;
+    }
+    EXPECT_EQ((status & status_not_finite) == 0, known);
+  }
+}
+
 TEST(ProblemCheck, APoisonedProblemLatchesAndIsForgotten) {
   for (const Poison& poison : poisons) {
     auto state = std::make_unique<HapticState>();

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <memory>
+#include <utility>
 
 namespace hapticd {
 namespace {
@@ -165,6 +166,29 @@ TEST(ViscousPatch, ATickInPartsRelaxesForThemOneAfterTheOther) {
   remember(p->x_free, *patch);
   EXPECT_NEAR(at_tick(*second, options(), T - part, *patch).x_free[1].z(),
               1e-3 * (1 - 1 / (1 + part / beta) / (1 + (T - part) / beta)), 1e-15);
+}
+
+// C_pp is read where it was published, and not at all when that has become another problem's.
+TEST(ViscousPatch, TheComplianceIsLent) {
+  const auto first = face(1, Vec3::Zero(), Vec3::Zero()), second = face(2, Vec3::Zero(), Vec3::Zero());
+  auto patch = std::make_unique<ViscousPatch>();
+  const CondensedProblem& p = at_tick(*first, options(), T, *patch);
+  EXPECT_EQ(p.C().data(), std::as_const(*first).C().data());
+  EXPECT_EQ(at_part_of_tick(T / 2, *patch), &p);
+  EXPECT_EQ(at_tick(*second, options(), T, *patch).C().data(), std::as_const(*second).C().data());
+  second->step = 3;
+  EXPECT_EQ(at_part_of_tick(T / 2, *patch), nullptr);
+
+  const auto copy = std::make_unique<CondensedProblem>();
+  copy_in_use(p, *copy);
+  EXPECT_EQ(copy->lender, nullptr);
+  EXPECT_EQ(copy->C(), std::as_const(*second).C());
+
+  // Who writes it has a copy.
+  patch->problem.C()(0, 0) = 7;
+  EXPECT_EQ(p.C()(0, 0), 7);
+  EXPECT_EQ(p.C()(8, 8), std::as_const(*second).C()(8, 8));
+  EXPECT_NE(std::as_const(*second).C()(0, 0), 7);
 }
 
 TEST(ViscousPatch, AtRestNothingChangesBetweenProblems) {
