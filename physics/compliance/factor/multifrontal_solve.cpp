@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "physics/compliance/factor/forward_panel.h"
 #include "physics/compliance/factor/multifrontal_factor.h"
 #include "physics/compliance/factor/panel_kernels.h"
 
@@ -34,7 +35,6 @@ void MultifrontalFactor::solve() noexcept {
 
 // Forward alone, all columns at a time. A node's entries reach its own front and those above it, no others.
 void MultifrontalFactor::half_solve(std::span<const int> places, MatX& Y) {
-  using Panel = Eigen::Map<const MatX, 0, Eigen::OuterStride<>>;
   const auto columns = static_cast<Eigen::Index>(3 * places.size());
   Y.setZero(x_.size(), columns);
   reached_.assign(plan_.fronts.size(), 0);
@@ -51,13 +51,10 @@ void MultifrontalFactor::half_solve(std::span<const int> places, MatX& Y) {
   for (std::size_t s = 0; s < plan_.fronts.size(); ++s) {
     if (!reached_[s]) continue;
     const FrontPlan::Front& front = plan_.fronts[s];
-    const Panel panel(values_.data() + front.panel, front.size, front.width,
-                      Eigen::OuterStride<>(front.stride));
-    auto own = Y.middleRows(front.first, front.width);
-    panel.topRows(front.width).triangularView<Eigen::Lower>().solveInPlace(own);
     const int count = front.size - front.width;
+    forward_panel(values_.data() + front.panel, front.stride, front.width, front.size,
+                  Y.middleRows(front.first, front.width), below_);
     if (count == 0) continue;
-    below_.noalias() = panel.bottomRows(count) * own;
     const int* row = plan_.below.data() + front.below;
     for (Eigen::Index c = 0; c < columns; ++c)
       for (int i = 0; i < count; ++i) Y(row[i], c) -= below_(i, c);

@@ -61,8 +61,8 @@ EliminationResult solve_eliminated(const MatX& W_bb, const VecX& q_b, VecX& lamb
     VecX q = q_t;
     W.noalias() -= Y.leftCols(nt).transpose() * Y.leftCols(nt);
     q.noalias() -= Y.leftCols(nt).transpose() * Y.col(nt);
-    const CoulombResult r = solve_coulomb(W, q, mu, t, coulomb, 0, options, limit);
-    of_tool = r.residual;
+    solve_coulomb(W, q, mu, t, coulomb, 0, options, limit);
+    of_tool = coulomb_residual(W, q, t, mu, limit);  // of W itself, whatever diagonal was raised
     if (!(of_tool <= good_residual) || !t.allFinite()) return {};
     const std::vector<std::uint8_t> before = closed;
     if (!solve_bodies()) return {};

@@ -14,11 +14,11 @@ TEST(PieceSolvers, TakenProblemsAreSolvedByWhatTheStepApplied) {
   const Scene scene = read_scene(std::filesystem::path(SOURCE_DIR) / "config/scenes/fragment/fragment.yaml");
   PieceSolverSettings settings;
   settings.steps = 120;
-  settings.problems = 6;
+  settings.problems = 12;
   settings.touches = {10, 30};
   settings.budget_us = 2e3;
   const std::vector<JointProblem> problems = capture_joint_problems(scene, settings, {});
-  ASSERT_GE(problems.size(), 4u);
+  ASSERT_GE(problems.size(), 8u);
   int instrument = 0;
   for (const JointProblem& p : problems) {
     EXPECT_LT((p.W - p.W.transpose()).cwiseAbs().maxCoeff(), 1e-12 * p.W.cwiseAbs().maxCoeff());
