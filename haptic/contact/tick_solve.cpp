@@ -95,13 +95,6 @@ EachInstrument<bool> astray(const CondensedProblem& published, const CondensedPr
   return on_other_side(published, instruments, made_at(published, X), published.x_now, placed, x);
 }
 
-// Of a place that is passed: nothing is felt of it, and the next one linearises anew.
-ContactOptions on_the_way(ContactOptions options) noexcept {
-  options.linearisations = 1;
-  options.too_deep = 0;
-  return options;
-}
-
 // All meet the patch as it was published, those from where the problem was made: with forces remembered of
 // any, the patch would not begin there. It is at rest where that ends, for the way is nobody's speed.
 void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& problem, Instruments instruments,
@@ -123,12 +116,11 @@ void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& prob
   contact.parts = parts;
   if (contact.deadline.bounded())
     contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 3);
-  const ContactOptions passing = on_the_way(contact);
   for (int p = 0; p <= parts; ++p) {
     // Rows and W cost their time in each part, however little is left: the last part is X itself.
     if (contact.deadline.passed()) p = static_cast<int>(parts);
-    s.solution = solve_contact(now, instruments, displaced(from, way, p / parts), tick,
-                               p < parts ? passing : contact, s.contact, s.scratch);
+    s.solution =
+        solve_contact(now, instruments, displaced(from, way, p / parts), tick, contact, s.contact, s.scratch);
   }
   if (s.solution.status == SolveStatus::solved || s.solution.residual <= contact.usable_residual)
     remember(s.scratch.x, s.patch);
@@ -181,9 +173,8 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
       const EachInstrument<Vec6> way = difference(X, from);
       const double parts = std::min(longest(way) / contact.margin, most_parts);
       if (parts > 1) contact.parts = parts;
-      const ContactOptions passing = on_the_way(contact);
       for (int p = 0; parts > 1 && p < parts && !contact.deadline.passed(); ++p)
-        solve_contact(now, instruments, displaced(from, way, p / parts), T, passing, s.contact, s.scratch);
+        solve_contact(now, instruments, displaced(from, way, p / parts), T, contact, s.contact, s.scratch);
     }
     s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
     if (!draws || !let_go(now, instruments, s.patch.before, s.scratch.x, s.patch.grip) ||
