@@ -116,7 +116,7 @@ void fold_scale(CondensedProblem& problem) noexcept;
 // The parts of a problem that are in use. Nobody looked at the copy.
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept;
 
-// The same without C_pp, a hundred times as large as all else: it is read where it is. Pre: `from` has a C_pp
+// The same without C_pp, which is most of it: that is read where it is. Pre: `from` has a C_pp
 // of its own, and stays as it is while that of `to` is read.
 void lend(const CondensedProblem& from, CondensedProblem& to) noexcept;
 
