@@ -73,7 +73,7 @@ struct CondensedProblem {
   EachInstrument<InstrumentReference> instrument;
   Renewal renewal = Renewal::renewed;
   bool topology_changed = false;   // elements were removed since the previous problem
-  bool known_sound = false;        // whoever published it looked (haptic/contact/problem_check.h)
+  bool known_sound = false;        // its publisher looked (haptic/contact/problem_check.h)
   double alarm_distance = 0;       // rows exist for gaps below this [m]
   double instrument_friction = 0;  // Coulomb μ between two instruments
 
@@ -95,7 +95,7 @@ struct CondensedProblem {
   Eigen::Map<const MatX> C() const noexcept {
     return {(lender ? lender : this)->C_pp.data(), 3 * nodes, 3 * nodes};
   }
-  // To write. One that was lent is copied first: to read it take the other.
+  // For writing: a C_pp that is lent is copied first. To read it, take the const one.
   Eigen::Map<MatX> C() noexcept {
     if (lender) keep_own_compliance();
     return {C_pp.data(), 3 * nodes, 3 * nodes};
@@ -113,7 +113,7 @@ inline bool is_pulled(const CondensedProblem& problem) noexcept {
 // C_pp with its columns' scale in it.
 void fold_scale(CondensedProblem& problem) noexcept;
 
-// The parts of a problem that are in use. Nobody looked at the copy.
+// The parts of a problem that are in use. The copy is not `known_sound`.
 void copy_in_use(const CondensedProblem& from, CondensedProblem& to) noexcept;
 
 // The same without C_pp, which is most of it: that is read where it is. Pre: `from` has a C_pp

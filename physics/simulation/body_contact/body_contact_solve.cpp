@@ -9,8 +9,8 @@
 #include "physics/simulation/body_contact/body_contact.h"
 
 namespace hapticd {
-// A raised diagonal is a hundredth of what the haptic loop takes: a loose piece yields a hundred times as far
-// as its tissue, and ε of that, taken off in eight rounds, left gaps of 10 nm and more in contacts that bear.
+// The raised diagonal is a hundredth of the haptic loop's: a loose piece yields some two hundred times as far
+// as its tissue, and eight rounds, which take ε off again, left bearing contacts up to 90 nm open or closed.
 CoulombOptions BodyContacts::options_of_coulomb() {
   CoulombOptions options;
   options.tolerance = 1e-10;
