@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 
+#include "physics/compliance/near_compliance.h"
 #include "physics/compliance/reference/warped_compliance.h"
 #include "physics/compliance/reference_compliance.h"
 
@@ -30,24 +31,10 @@ double ReferenceCompliance::disagreement(const TissueState& state, const VecX& y
   return 0;
 }
 
-std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
-                                            const ComplianceOptions& options) {
-  switch (method) {
-    case ComplianceMethod::exact:
-      return make_exact_compliance(model, h, options);
-    case ComplianceMethod::dense:
-      return make_dense_compliance(model, h, options);
-    case ComplianceMethod::zone:
-    case ComplianceMethod::lazy:
-    case ComplianceMethod::updown:
-      return make_reference_compliance(method, model, h, options);
-  }
-  throw std::invalid_argument("this compliance method is not known");
-}
+namespace {
 
-std::unique_ptr<ReferenceCompliance> make_reference_compliance(ComplianceMethod method,
-                                                               const TissueModel& model, double h,
-                                                               const ComplianceOptions& options) {
+std::unique_ptr<ReferenceCompliance> with_reference(ComplianceMethod method, const TissueModel& model,
+                                                    double h, const ComplianceOptions& options) {
   switch (method) {
     case ComplianceMethod::zone:
       return make_zone_compliance(model, h, options);
@@ -59,6 +46,33 @@ std::unique_ptr<ReferenceCompliance> make_reference_compliance(ComplianceMethod 
       break;
   }
   throw std::invalid_argument("this compliance method keeps no reference factor");
+}
+
+}  // namespace
+
+std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model, double h,
+                                            const ComplianceOptions& options) {
+  const auto make = [&](const TissueModel& of) -> std::unique_ptr<Compliance> {
+    if (method == ComplianceMethod::exact) return make_exact_compliance(of, h, options);
+    return make_dense_compliance(of, h, options);
+  };
+  switch (method) {
+    case ComplianceMethod::exact:
+    case ComplianceMethod::dense:
+      return model.condensed ? make_near_compliance(model, make) : make(model);
+    case ComplianceMethod::zone:
+    case ComplianceMethod::lazy:
+    case ComplianceMethod::updown:
+      return make_reference_compliance(method, model, h, options);
+  }
+  throw std::invalid_argument("this compliance method is not known");
+}
+
+std::unique_ptr<ReferenceCompliance> make_reference_compliance(ComplianceMethod method,
+                                                               const TissueModel& model, double h,
+                                                               const ComplianceOptions& options) {
+  const auto make = [&](const TissueModel& of) { return with_reference(method, of, h, options); };
+  return model.condensed ? make_near_reference_compliance(model, make) : make(model);
 }
 
 ReferenceCompliance* as_reference_compliance(Compliance* compliance) noexcept {

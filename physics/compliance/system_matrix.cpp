@@ -26,7 +26,8 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
       material_(model.material),
       dynamic_(model.dynamic),
       fixed_(model.fixed),
-      springs_(model.springs) {
+      springs_(model.springs),
+      condensed_(model.condensed) {
   const int nodes = graph.node_count();
   std::vector<int> first_edge(nodes + 1, 0);
   edges_.reserve(graph.neighbour.size() / 2);
@@ -51,6 +52,10 @@ SystemMatrix::SystemMatrix(const TissueModel& model, const NodeGraph& graph, dou
     for (int p = 0; p < 6; ++p)
       element.edge[p] = edge_between(element.node[corner_pairs[p][0]], element.node[corner_pairs[p][1]]);
   }
+  if (condensed_)
+    for (std::size_t j = 0; j < condensed_->node.size(); ++j)
+      for (std::size_t i = 0; i < j; ++i)
+        condensed_edge_.push_back(edge_between(condensed_->node[i], condensed_->node[j]));
   diagonal_.resize(nodes);
   coupling_.resize(edges_.size());
   in_system_.resize(nodes);
@@ -104,6 +109,7 @@ void SystemMatrix::assemble(const TissueState& state) noexcept {
 
   for (const Collapsed& c : state.collapsed)
     if (state.alive[c.tet]) add_collapsed(c);
+  if (condensed_) add_condensed();
 
   double trace = 0;
   int nodes = 0;
@@ -132,6 +138,14 @@ void SystemMatrix::add_collapsed(const Collapsed& c) noexcept {
           stiffness() * barrier_block(c, corner[corner_pairs[p][0]], corner[corner_pairs[p][1]]);
 }
 
+void SystemMatrix::add_condensed() noexcept {
+  auto edge = condensed_edge_.begin();
+  for (int j = 0; j < static_cast<int>(condensed_->node.size()); ++j) {
+    for (int i = 0; i < j; ++i) coupling_[*edge++] += stiffness() * condensed_->block(i, j);
+    diagonal_[condensed_->node[j]] += stiffness() * condensed_->block(j, j);
+  }
+}
+
 std::vector<std::uint8_t> SystemMatrix::live_edges(const TissueState& state) const {
   std::vector<std::uint8_t> live(edges_.size(), 0);
   for (std::size_t t = 0; t < elements_.size(); ++t) {
@@ -139,6 +153,7 @@ std::vector<std::uint8_t> SystemMatrix::live_edges(const TissueState& state) con
     for (const int e : elements_[t].edge)
       if (e >= 0) live[e] = 1;
   }
+  for (const int e : condensed_edge_) live[e] = 1;
   return live;
 }
 
@@ -218,6 +233,10 @@ Eigen::SparseMatrix<double> assemble_system_matrix(const TissueModel& model, con
       for (int j = 0; j < 4; ++j)
         add(c.node[i], c.node[j],
             stiffness_factor(model.material, model.dynamic, h) * barrier_block(c, i, j));
+  for (int j = 0; model.condensed && j < static_cast<int>(model.condensed->node.size()); ++j)
+    for (int i = 0; i < static_cast<int>(model.condensed->node.size()); ++i)
+      add(model.condensed->node[i], model.condensed->node[j],
+          stiffness_factor(model.material, model.dynamic, h) * model.condensed->block(i, j));
   for (int n = 0; n < model.node_count(); ++n) {
     if (!in_system(n)) continue;
     add(n, n, mass_factor(model.material, model.dynamic, h) * state.mass[n] * Mat3::Identity());

@@ -5,13 +5,14 @@
 // Units: A [N/m], h [s]. Shapes: one block per node, one per edge (i, j) with i < j: rows of i, columns of j;
 // the blocks of (j, i) are their transposes. Rows of fixed and orphan nodes are those of the identity times
 // `identity_scale`, the mean diagonal of the others, so that they neither couple nor spoil the conditioning.
-// Only nodes in use have rows. K has the springs' k I too, on their nodes. Everything
-// needed is copied: the model may go. Source: the paper, eq. (2).
+// Only nodes in use have rows. K has the springs' k I too, on their nodes, and K̂ of what is condensed.
+// Everything needed is copied or shared: the model may go. Source: the paper, eq. (2).
 #pragma once
 
 #include <Eigen/SparseCore>
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -65,12 +66,15 @@ class SystemMatrix {
 
  private:
   void add_collapsed(const Collapsed& c) noexcept;
+  void add_condensed() noexcept;
 
   double h_;
   Material material_;
   bool dynamic_;
   std::vector<std::uint8_t> fixed_;
   std::vector<NodeSpring> springs_;  // of the model
+  std::shared_ptr<const CondensedTissue> condensed_;
+  std::vector<int> condensed_edge_;  // of its pairs i < j, j after j
   std::vector<Element> elements_;
   std::vector<Edge> edges_;
   std::vector<Mat3> diagonal_;

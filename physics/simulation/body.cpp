@@ -83,6 +83,7 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
     throw std::invalid_argument(name +
                                 ": a static body cannot be removable: pieces cut loose need their mass");
   if (!deformable) return;
+  if (settings.near && !settings.start) condense_far(model, state, *settings.near);
   compliance = make_compliance(method, model, h, options);
   references = as_reference_compliance(compliance.get());
   free.dx = VecX::Zero(3 * model.node_count());

@@ -7,10 +7,12 @@
 
 #include <deque>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "physics/compliance/condense_far.h"
 #include "physics/compliance/reference_compliance.h"
 #include "physics/cutting/tearing.h"
 #include "physics/simulation/free_motion.h"
@@ -45,8 +47,9 @@ struct BodySettings {
   double cutting_viscosity = 0;  // c: what cutting costs more by its speed [N·s/m²]
   std::vector<TissueRegion> regions = {};  // deformable only; a stretched one cannot be cut
   std::vector<NodeSpring> springs = {};    // deformable only; per node, or empty
-  // Deformable only; null: at rest. Instead of mesh, material, fixed nodes, room, regions and springs; the
-  // body is then cut and torn no further.
+  std::optional<NearRegion> near = {};     // deformable only; what is farther is condensed
+  // Deformable only; null: at rest. Instead of mesh, material, fixed nodes, room, regions, springs and near
+  // region; the body is then cut and torn no further.
   std::shared_ptr<const BodyStart> start = {};
 };
 

@@ -17,9 +17,11 @@ constexpr double little = 0.1;    // of a motion: where no more is kept, its dir
 void free_motion_of_force(Body& body, double h) {
   external_forces(body.model, body.state, body.scratch.force);
   body.free.dx += body.scratch.force;
-  for (int n = 0; body.model.dynamic && n < body.model.node_count(); ++n)
-    if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
-      body.free.dx.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
+  if (body.model.dynamic)
+    body.model.each_node([&](int n) {
+      if (!body.model.fixed[n] && body.state.live_tets_of_node[n] > 0)
+        body.free.dx.segment<3>(3 * n) += body.state.mass[n] / h * body.state.v[n];
+    });
   begin_free_motion(body, body.free.dx, nullptr);
 }
 
@@ -98,9 +100,11 @@ void foresee_free_motion(Body& body, double h) {
   const double s = m.dynamic ? 1 + m.material.rayleigh_stiffness / h : 1;
   const double per_mass = (1 / (h * h) + m.material.rayleigh_mass / h) / s;
   VecX b = -body.corrected.force;
-  for (int n = 0; m.dynamic && n < m.node_count(); ++n)
-    b.segment<3>(3 * n) += body.state.mass[n] * ((body.state.v[n] - body.corrected.v_before[n]) / h +
-                                                 per_mass * body.free.dx.segment<3>(3 * n));
+  if (m.dynamic)
+    m.each_node([&](int n) {
+      b.segment<3>(3 * n) += body.state.mass[n] * ((body.state.v[n] - body.corrected.v_before[n]) / h +
+                                                   per_mass * body.free.dx.segment<3>(3 * n));
+    });
   const VecX from = (1 - 1 / s) * body.free.dx;
   begin_free_motion(body, b, &from);
 }
@@ -144,11 +148,11 @@ void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy)
     body.corrected.force.setZero(body.free.dx.size());
   if (keeps_energy && body.model.dynamic) keep_energy(body, h);
   body.corrected.v_before.swap(body.state.v);
-  body.state.v.resize(body.corrected.v_before.size());
-  for (int n = 0; n < body.model.node_count(); ++n) {
+  body.state.v.resize(body.corrected.v_before.size(), Vec3::Zero());
+  body.model.each_node([&](int n) {
     body.state.x[n] += body.free.dx.segment<3>(3 * n);
     body.state.v[n] = body.free.dx.segment<3>(3 * n) / h;
-  }
+  });
 }
 
 }  // namespace hapticd

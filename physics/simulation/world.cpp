@@ -238,6 +238,11 @@ void World::gather(const InstrumentSamples& samples, bool topology_changed, Cond
   const InstrumentPoses X = poses_of(samples);
   cutting_.find(bodies_, instruments_, X, settings_.alarm_distance);
   contact_.gather(context_, X, near_, cutting_.nodes(), topology_changed, problem);
+  report.condensed_nodes = 0;
+  for (int b = 0; b < context_.body_count(); ++b)
+    if (bodies_[b].model.condensed)
+      for (const int n : contact_.patch().nodes_of(b))
+        report.condensed_nodes += bodies_[b].state.live_tets_of_node[n] == 0;
   cutting_.publish(bodies_, instruments_, contact_.patch(), problem);
 }
 

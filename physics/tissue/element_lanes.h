@@ -7,6 +7,8 @@
 // wait-free, no allocation. Results agree with tetrahedron.h's to round-off.
 #pragma once
 
+#include <algorithm>
+
 #include "physics/tissue/tissue.h"
 
 namespace hapticd {
@@ -33,13 +35,17 @@ using Lanes3x4 = Lanes<12>;
 template <class Visit>
 void each_eight(const TissueModel& model, const TissueState& state, const Visit& visit) {
   int tet[element_lanes] = {};
-  for (int t = 0; t < model.tet_count();) {
-    int count = 0;
-    for (; t < model.tet_count() && count < element_lanes; ++t)
-      if (state.alive[t]) tet[count++] = t;
-    for (int l = count; l < element_lanes; ++l) tet[l] = tet[0];
-    if (count > 0) visit(tet, count);
-  }
+  int count = 0;
+  model.each_tet([&](int t) {
+    if (!state.alive[t]) return;
+    tet[count++] = t;
+    if (count < element_lanes) return;
+    visit(tet, count);
+    count = 0;
+  });
+  if (count == 0) return;
+  std::fill(tet + count, tet + element_lanes, tet[0]);
+  visit(tet, count);
 }
 
 // The vectors of their corners: `at(node)` points to three numbers.

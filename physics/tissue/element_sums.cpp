@@ -13,8 +13,9 @@ auto positions(const TissueState& state) noexcept {
 }
 
 void clear_fixed(const TissueModel& model, Eigen::Ref<VecX> f) noexcept {
-  for (int n = 0; n < model.node_count(); ++n)
+  model.each_node([&](int n) {
     if (model.fixed[n]) f.segment<3>(3 * n).setZero();
+  });
 }
 
 struct Eight {
@@ -104,6 +105,9 @@ void sum_forces(const TissueModel& model, const TissueState& state, bool at_x, c
     if (at_x) f.segment<3>(i) -= spring.stiffness * (state.x[n] - spring.anchor);
     if (dx) f.segment<3>(i) -= s * spring.stiffness * dx->segment<3>(i);
   }
+  if (!model.condensed) return;
+  if (at_x) model.condensed->add_forces(state, f);
+  if (dx) model.condensed->subtract_stiffness(*dx, s, f);
 }
 
 }  // namespace

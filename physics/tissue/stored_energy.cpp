@@ -42,14 +42,18 @@ void each_energy(const TissueModel& model, const TissueState& state, const VecX&
   });
 }
 
-// add(n, energy) of each node with a spring and tissue.
+// add(n, energy) of each node with a spring and tissue, and of each where condensed tissue begins.
 template <typename Add>
-void each_spring_energy(const TissueModel& model, const TissueState& state, const VecX& dx,
-                        const Add& add) noexcept {
+void each_node_energy(const TissueModel& model, const TissueState& state, const VecX& dx,
+                      const Add& add) noexcept {
   for (std::size_t n = 0; n < model.springs.size(); ++n)
     if (state.live_tets_of_node[n] > 0)
       add(static_cast<int>(n),
           spring_energy(model.springs[n], state.x[n] + dx.segment<3>(static_cast<Eigen::Index>(3 * n))));
+  if (!model.condensed) return;
+  const VecX energy = model.condensed->energies(state, &dx);
+  for (std::size_t i = 0; i < model.condensed->node.size(); ++i)
+    add(model.condensed->node[i], energy[static_cast<Eigen::Index>(i)]);
 }
 
 }  // namespace
@@ -57,7 +61,7 @@ void each_spring_energy(const TissueModel& model, const TissueState& state, cons
 double stored_energy(const TissueModel& model, const TissueState& state, const VecX& dx) noexcept {
   double sum = 0;
   each_energy(model, state, dx, [&](int, double energy) { sum += energy; });
-  each_spring_energy(model, state, dx, [&](int, double energy) { sum += energy; });
+  each_node_energy(model, state, dx, [&](int, double energy) { sum += energy; });
   return sum;
 }
 
@@ -65,7 +69,10 @@ void stored_energies(const TissueModel& model, const TissueState& state, const P
                      VecX& energy) noexcept {
   energy.setZero();
   each_energy(model, state, dx, [&](int t, double of_tet) { energy[pieces.of_tet[t]] += of_tet; });
-  each_spring_energy(model, state, dx, [&](int n, double of_node) { energy[pieces.of_node[n]] += of_node; });
+  each_node_energy(model, state, dx, [&](int n, double of_node) {
+    // Where condensed tissue begins all that was near may be gone: that is nobody's piece.
+    if (pieces.of_node[n] >= 0) energy[pieces.of_node[n]] += of_node;
+  });
 }
 
 }  // namespace hapticd

@@ -24,19 +24,6 @@ void check_nodes(const TetMesh& mesh, int t) {
                                   " of " + std::to_string(nodes));
 }
 
-// Mass and node counts from nothing, so that a removal can never leave a rest of rounding errors.
-void sum_mass(const TissueModel& model, TissueState& state) {
-  state.mass.assign(model.node_count(), 0.0);
-  state.live_tets_of_node.assign(model.node_count(), 0);
-  for (int t = 0; t < model.tet_count(); ++t) {
-    if (!state.alive[t]) continue;
-    for (const int n : model.mesh.tets[t]) {
-      state.mass[n] += 0.25 * model.elastic[t].density * volume_left(model, state, t);
-      ++state.live_tets_of_node[n];
-    }
-  }
-}
-
 // What of F strains the tissue: RᵀF is symmetric already where R follows F; of a linear model only the
 // symmetric part counts, the rest is its rotation.
 Mat3 straining(const TissueModel& model, const Mat3& F) noexcept {
@@ -85,6 +72,25 @@ TissueModel make_tissue_model(TetMesh mesh, const Material& material, std::span<
   return model;
 }
 
+// From nothing, so that a removal can never leave a rest of rounding errors.
+void refresh_mass(const TissueModel& model, TissueState& state) {
+  state.mass.assign(model.node_count(), 0.0);
+  state.live_tets_of_node.assign(model.node_count(), 0);
+  model.each_tet([&](int t) {
+    if (!state.alive[t]) return;
+    for (const int n : model.mesh.tets[t]) {
+      state.mass[n] += 0.25 * model.elastic[t].density * volume_left(model, state, t);
+      ++state.live_tets_of_node[n];
+    }
+  });
+  if (!model.condensed) return;
+  for (std::size_t i = 0; i < model.condensed->node.size(); ++i) {
+    const int n = model.condensed->node[i];
+    state.mass[n] += model.condensed->mass[i];
+    ++state.live_tets_of_node[n];
+  }
+}
+
 TissueState rest_state(const TissueModel& model) {
   TissueState state;
   state.x = model.mesh.nodes;
@@ -94,7 +100,7 @@ TissueState rest_state(const TissueModel& model) {
   std::fill_n(state.alive.begin(), model.tets_in_use, std::uint8_t{1});
   state.left.assign(model.tet_count(), 1.0);
   if (model.material.law == Law::guarded) state.collapsed.reserve(model.tet_count());
-  sum_mass(model, state);
+  refresh_mass(model, state);
   return state;
 }
 
@@ -146,14 +152,22 @@ void update_rotations(const TissueModel& model, TissueState& state, std::vector<
 }
 
 void external_forces(const TissueModel& model, const TissueState& state, Eigen::Ref<VecX> f) noexcept {
-  for (int n = 0; n < model.node_count(); ++n) {
-    if (model.fixed[n])
-      f.segment<3>(3 * n).setZero();
-    else
-      f.segment<3>(3 * n) = state.mass[n] * model.gravity;
-  }
+  f.setZero();
+  model.each_node([&](int n) {
+    if (!model.fixed[n]) f.segment<3>(3 * n) = state.mass[n] * model.gravity;
+  });
   for (std::size_t n = 0; n < state.load.size(); ++n)
     if (!model.fixed[n]) f.segment<3>(3 * static_cast<Eigen::Index>(n)) += state.load[n];
+  if (!model.condensed) return;
+  const CondensedTissue& of = *model.condensed;
+  for (std::size_t i = 0; i < of.node.size(); ++i)
+    f.segment<3>(3 * of.node[i]) += of.load.segment<3>(3 * static_cast<Eigen::Index>(i));
+}
+
+std::vector<std::uint8_t> tets_there(const TissueModel& model, const TissueState& state) {
+  std::vector<std::uint8_t> there = state.alive;
+  for (int t = 0; t < static_cast<int>(there.size()); ++t) there[t] = is_there(model, state, t);
+  return there;
 }
 
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept {
@@ -167,6 +181,7 @@ double elastic_energy(const TissueModel& model, const TissueState& state) noexce
   }
   for (std::size_t n = 0; n < model.springs.size(); ++n)
     if (state.live_tets_of_node[n] > 0) energy += spring_energy(model.springs[n], state.x[n]);
+  if (model.condensed) energy += model.condensed->energies(state, nullptr).sum();
   for (const Collapsed& c : state.collapsed)
     if (state.alive[c.tet]) energy += c.energy;
   return energy;
@@ -176,7 +191,7 @@ void thin_tets(const TissueModel& model, TissueState& state, std::span<const Thi
   if (tets.empty()) return;
   for (const Thinned& t : tets) state.left[t.tet] = t.left;
   ++state.thinnings;
-  sum_mass(model, state);
+  refresh_mass(model, state);
 }
 
 int remove_tets(const TissueModel& model, TissueState& state, std::span<const int> tets) {
@@ -188,7 +203,7 @@ int remove_tets(const TissueModel& model, TissueState& state, std::span<const in
   }
   if (removed == 0) return 0;
   state.removed += removed;
-  sum_mass(model, state);
+  refresh_mass(model, state);
   for (int n = 0; n < model.node_count(); ++n)
     if (state.live_tets_of_node[n] == 0) state.v[n].setZero();
   return removed;

@@ -12,6 +12,7 @@
 #include <span>
 #include <vector>
 
+#include "physics/tissue/condensed_tissue.h"
 #include "physics/tissue/material.h"
 #include "physics/tissue/mesh.h"
 
@@ -49,6 +50,7 @@ struct TissueModel {
   Material material;                 // its damping and law are the whole body's
   std::vector<Elasticity> elastic;   // per tetrahedron
   std::vector<NodeSpring> springs;   // per node; empty: there are none
+  std::shared_ptr<const CondensedTissue> condensed;  // null: all of it is simulated
   std::vector<Gradients> gradients;  // per tetrahedron, rest shape
   std::vector<double> volume;        // per tetrahedron [m³]
   std::vector<int> across;           // faces_across (surface.h)
@@ -61,7 +63,24 @@ struct TissueModel {
 
   // Something of the world holds the node.
   bool holds(int node) const noexcept {
-    return fixed[node] != 0 || (!springs.empty() && springs[node].stiffness > 0);
+    return fixed[node] != 0 || (!springs.empty() && springs[node].stiffness > 0) ||
+           (condensed && condensed->place_of(node) >= 0);
+  }
+
+  // visit(node) of those that may move, visit(tetrahedron) of those that may be alive.
+  template <class Visit>
+  void each_node(const Visit& visit) const {
+    if (condensed)
+      for (const int n : condensed->near_node) visit(n);
+    else
+      for (int n = 0; n < node_count(); ++n) visit(n);
+  }
+  template <class Visit>
+  void each_tet(const Visit& visit) const {
+    if (condensed)
+      for (const int t : condensed->near_tet) visit(t);
+    else
+      for (int t = 0; t < tet_count(); ++t) visit(t);
   }
 
   // The spare ones too.
@@ -129,6 +148,16 @@ void subtract_stiffness(const TissueModel& model, const TissueState& state, cons
 // The least signed volume of a live tetrahedron at x, or at x + dx [m³]; not a number where a position is
 // none.
 double least_volume(const TissueModel& model, const TissueState& state, const VecX* dx) noexcept;
+
+// Mass and node counts of what is alive, and of what is condensed on its boundary, from nothing.
+void refresh_mass(const TissueModel& model, TissueState& state);
+
+// What is there of the mesh: alive, or condensed.
+inline bool is_there(const TissueModel& model, const TissueState& state, int tet) noexcept {
+  return state.alive[tet] != 0 || (model.condensed && model.condensed->tet[static_cast<std::size_t>(tet)] != 0);
+}
+
+std::vector<std::uint8_t> tets_there(const TissueModel& model, const TissueState& state);
 
 // Stored elastic energy [J].
 double elastic_energy(const TissueModel& model, const TissueState& state) noexcept;

@@ -118,6 +118,12 @@ void Service::look(std::int64_t now_ns) {
       log(LogLevel::warning, "out_of_room",
           "nothing is cut any more: a body has used up its max_new_nodes (say more in the scene)");
     }
+    if (!said_beyond_near_ && session->simulation_statistics().condensed_steps.load(relaxed) > 0) {
+      said_beyond_near_ = true;
+      log(LogLevel::warning, "beyond_near",
+          "an instrument reaches tissue that is condensed: it is rigid there (a body's near region is too "
+          "small)");
+    }
     for (int i = 0; i < session->devices(); ++i) {
       const LoopCounters counters = counters_of(*session, i);
       for (const Incident& of : incidents_.look(now_ns, counters))
@@ -151,7 +157,7 @@ Service::Outcome Service::reset() {
     const std::int64_t begun = monotonic_ns();
     daemon_.reset();
     const auto ms = (monotonic_ns() - begun) / 1'000'000;
-    said_out_of_room_ = false;
+    said_out_of_room_ = said_beyond_near_ = false;
     log(LogLevel::info, "reset", "reset: the scene from its start, after " + std::to_string(ms) + " ms",
         {{"ms", ms}});
     return {true, "the scene from its start, after " + std::to_string(ms) + " ms"};
@@ -170,7 +176,7 @@ Service::Outcome Service::reload() {
     if (r.scene) {
       daemon_.restart([&] { return r.scene->plans ? make_plan(*r.scene).scene : std::move(*r.scene); });
       reloader_.begun_anew();
-      said_out_of_room_ = false;
+      said_out_of_room_ = said_beyond_near_ = false;
     }
     std::size_t next = 0;  // devices in the order of the scene
     for (const auto& session : daemon_.sessions())

@@ -59,7 +59,7 @@ class Service {
   Incidents incidents_;
   WatchdogPings pings_;
   std::int64_t figures_ns_ = 0;
-  bool said_out_of_room_ = false, said_keys_end_ = false;
+  bool said_out_of_room_ = false, said_beyond_near_ = false, said_keys_end_ = false;
   std::optional<std::int64_t> keys_end_s_;  // of CLOCK_REALTIME
 };
 

@@ -135,6 +135,7 @@ void SimulationLoop::count(const StepReport& report) {
   s.late_removals.fetch_add(report.removed > 0 && !report.interim, std::memory_order_relaxed);
   s.cut_steps.fetch_add(report.split, std::memory_order_relaxed);
   if (report.out_of_room) s.out_of_room.store(true, std::memory_order_relaxed);
+  s.condensed_steps.fetch_add(report.condensed_nodes > 0, std::memory_order_relaxed);
   s.aspirated.fetch_add(static_cast<std::uint64_t>(report.fragments_aspirated), std::memory_order_relaxed);
   s.references.fetch_add(static_cast<std::uint64_t>(report.references_adopted), std::memory_order_relaxed);
   s.synchronous_references.fetch_add(static_cast<std::uint64_t>(report.synchronous_references),

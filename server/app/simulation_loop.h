@@ -38,7 +38,8 @@ struct SimulationStatistics {
   std::atomic<std::uint64_t> aspirated{0};   // fragments
   std::atomic<std::uint64_t> cut_steps{0};   // in which blades cut or faces tore
   std::atomic<bool> out_of_room{false};      // a cut found none left: nothing is cut any more
-  std::atomic<std::uint64_t> references{0};  // adopted
+  std::atomic<std::uint64_t> condensed_steps{0};  // in which an instrument reached condensed tissue
+  std::atomic<std::uint64_t> references{0};       // adopted
   std::atomic<std::uint64_t> references_failed{0};
   std::atomic<std::uint64_t> synchronous_references{0};  // made by a step, for others came too late
   std::atomic<std::uint64_t> rough_steps{0};             // with a compliance `degraded`

@@ -290,6 +290,7 @@ nlohmann::json WorldSession::summary(int i) const {
   j["elements_removed"] = s.removed.load();
   j["cut_steps"] = s.cut_steps.load();
   j["out_of_room"] = s.out_of_room.load();
+  j["condensed_steps"] = s.condensed_steps.load();
   j["fragments_aspirated"] = s.aspirated.load();
   if (s.references + s.references_failed > 0) {
     j["references_adopted"] = s.references.load();

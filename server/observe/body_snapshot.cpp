@@ -19,7 +19,7 @@ void take_snapshot(const Body& body, BodySnapshot& out) {
   const auto nodes = static_cast<std::size_t>(body.model.nodes_in_use);
   const auto tets = static_cast<std::size_t>(body.model.tets_in_use);
   flatten(std::span(body.state.x).first(nodes), out.nodes);
-  pack_bits(body.state.alive, tets, out.alive);
+  pack_bits(tets_there(body.model, body.state), tets, out.alive);
   if (out.topology == body.topology) return;
   out.topology = body.topology;
   flatten(std::span(body.rest()).first(nodes), out.rest);

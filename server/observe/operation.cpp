@@ -25,7 +25,7 @@ double largest_strain(const Body& body) {
 double volume_left(const Body& body) {
   double volume = 0;
   for (int t = 0; t < body.model.tets_in_use; ++t)
-    if (body.state.alive[t]) volume += volume_left(body.model, body.state, t);
+    if (is_there(body.model, body.state, t)) volume += volume_left(body.model, body.state, t);
   return volume;
 }
 

@@ -13,6 +13,7 @@
 #include "haptic/device.h"
 #include "haptic/loop.h"
 #include "physics/compliance/compliance.h"
+#include "physics/compliance/condense_far.h"
 #include "physics/contact/condensed_problem.h"
 #include "physics/contact/instrument.h"
 #include "physics/cutting/tearing.h"
@@ -37,6 +38,7 @@ struct SceneBody {
   std::vector<int> fixed_nodes;                 // deformable only; empty: it floats, or springs hold it
   std::vector<TissueRegion> regions = {};       // deformable only; what differs from the material
   std::vector<NodeSpring> springs = {};         // deformable only; per node, or empty
+  std::optional<NearRegion> near = {};          // deformable only; what is farther is condensed
   double friction = 0;                          // μ against the instrument
   bool removable = false;                       // the tip may destroy it
   double toughness = 0;                         // J [J/m²]: a blade's edge cuts it; 0: none does

@@ -43,6 +43,24 @@ std::vector<int> read_fixed_nodes(const YamlMap& yaml, const TetMesh& mesh) {
   return fixed;
 }
 
+// What is near is simulated, the rest condensed (condense_far.h).
+NearRegion read_near(const YamlMap& yaml, const SceneBody& body) {
+  if (body.toughness > 0)
+    throw yaml.error("toughness", "cannot stand beside near: tissue that is cut needs all of itself");
+  if (yaml.flag("floating", false))
+    throw yaml.error("floating", "cannot stand beside near: what is condensed has to be held");
+  const YamlMap region = yaml.map("near");
+  region.only({"centre", "radius"});
+  const NearRegion near{region.vec3("centre"), region.number("radius", length)};
+  const auto is_near = [&](const Tet& t) {
+    const auto& x = body.mesh.nodes;
+    return (0.25 * (x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) - near.centre).norm() <= near.radius;
+  };
+  if (std::none_of(body.mesh.tets.begin(), body.mesh.tets.end(), is_near))
+    throw region.error("centre", "no tetrahedron of the mesh is within the radius of it");
+  return near;
+}
+
 // Each piece of the mesh has a node that is fixed or on a spring.
 void require_held(const YamlMap& yaml, const SceneBody& body) {
   const std::vector<int> piece = pieces_of(body.mesh);
@@ -166,10 +184,11 @@ void read_support(const YamlMap& yaml, SceneBody& body) {
 }
 
 SceneBody read_body(const YamlMap& yaml) {
-  yaml.only({"name",     "kind",     "mesh",      "mesh_unit", "material",          "fixed",
-             "floating", "friction", "removable", "toughness", "cutting_viscosity", "max_new_nodes",
-             "tearing",  "elements", "motion",    "simulated", "position",          "orientation",
-             "scale",    "regions",  "stretch",   "springs"});
+  yaml.only(
+      {"name",     "kind",      "mesh",      "mesh_unit",         "material",      "fixed",   "floating",
+       "friction", "removable", "toughness", "cutting_viscosity", "max_new_nodes", "tearing", "elements",
+       "motion",   "simulated", "position",  "orientation",       "scale",         "regions", "stretch",
+       "springs",  "near"});
   SceneBody body;
   body.name = yaml.text("name");
   body.kind = yaml.choice("kind", {"deformable", "rigid"}) == 0 ? BodyKind::deformable : BodyKind::rigid;
@@ -178,7 +197,7 @@ SceneBody read_body(const YamlMap& yaml) {
   if (body.kind == BodyKind::rigid) {
     for (const char* key :
          {"material", "fixed", "floating", "removable", "toughness", "cutting_viscosity", "max_new_nodes",
-          "tearing", "elements", "motion", "simulated", "regions", "stretch", "springs"})
+          "tearing", "elements", "motion", "simulated", "regions", "stretch", "springs", "near"})
       if (yaml.has(key)) throw yaml.error(key, "a rigid body has none (it is a fixed obstacle)");
   } else {
     body.material = read_material(yaml.map("material"));
@@ -194,6 +213,7 @@ SceneBody read_body(const YamlMap& yaml) {
 
   read_parts(yaml, body);
   read_support(yaml, body);
+  if (yaml.has("near")) body.near = read_near(yaml, body);
   read_body_pins(yaml, body);
   return body;
 }

@@ -74,6 +74,7 @@ std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& setti
                       b.cutting_viscosity,
                       b.regions,
                       b.springs,
+                      b.near,
                       deforms(b) ? b.start : nullptr});
   return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
 }

@@ -81,6 +81,10 @@ std::uint64_t fingerprint(const Scene& s) {
       f.add(spring.stiffness);
       f.add(spring.anchor);
     }
+    if (b.near) {
+      f.add(b.near->centre);
+      f.add(b.near->radius);
+    }
     for (const bool flag : {b.removable, b.corotational, b.dynamic, b.simulated}) f.add(flag);
   }
   for (const ContactPair& p : s.contacts) {

@@ -88,7 +88,7 @@ class Frames {
                   shear_modulus(scene_.bodies[b])};  // which cuts change
       if (body.deformable) {
         out.nodes = body.state.x;
-        out.alive = body.state.alive;
+        out.alive = tets_there(body.model, body.state);
       }
       bodies.push_back(out);
     }

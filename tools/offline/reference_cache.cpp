@@ -129,6 +129,10 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
       hash.number(spring.stiffness);
       hash.vector(spring.anchor);
     }
+    if (b.near) {
+      hash.vector(b.near->centre);
+      hash.number(b.near->radius);
+    }
     hash.number(b.tearing.begins);
     hash.bytes(b.tearing.clefts.data(), b.tearing.clefts.size());
     hash.number(b.corotational);

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""Writes sweep.csv: twenty seconds of an upright tip sweeping across the whole anterior lens, 0.25 mm deep.
+"""Writes sweep.csv and pit.csv: twenty seconds each of an upright tip on the anterior lens, 0.25 mm deep.
 
-A Lissajous figure in the scene's frame at up to 3 mm/s, one second down and one up; the phaco pedal is down in
-between. The result is taken back through the scene's mapping (lens_5k.yaml: origin, position_scale).
+Lissajous figures in the scene's frame at up to 3 mm/s, one second down and one up; the phaco pedal is down in
+between. The one goes across the whole lens, the other stays within 0.45 mm of the pole. The results are taken back
+through the scenes' mapping (lens_5k.yaml, lens_20k.yaml: origin, position_scale).
 """
 import math
 import os
@@ -20,16 +21,16 @@ def smooth(u):
     return u * u * u * (10 - 15 * u + 6 * u * u)
 
 
-def main():
-    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "sweep.csv")
+def write(name, width, period):
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), name)
     with open(path, "w", encoding="ascii") as out:
         out.write("# Made by make_trajectory.py. Device frame; s, m. Buttons: 1 phaco.\n")
         out.write("t,px,py,pz,buttons\n")
         for i in range(int(DURATION * RATE) + 1):
             t = i / RATE
             down = min(smooth(t - 0.5), smooth(DURATION - 0.5 - t))
-            x = 2.4 * MM * math.sin(2 * math.pi * t / 7.0)
-            y = 2.2 * MM * math.sin(2 * math.pi * t / 9.1 + 0.6)
+            x = width * MM * math.sin(2 * math.pi * t / period)
+            y = width / 2.4 * 2.2 * MM * math.sin(2 * math.pi * t / (1.3 * period) + 0.6)
             surface = ANTERIOR_POLE - ANTERIOR_RADIUS + math.sqrt(ANTERIOR_RADIUS**2 - x * x - y * y)
             z = surface + TIP_RADIUS - DEPTH * down + CLEAR * (1 - down)
             p = [x / POSITION_SCALE, y / POSITION_SCALE, (z - ORIGIN_Z) / POSITION_SCALE]
@@ -37,4 +38,5 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    write("sweep.csv", 2.4, 7.0)
+    write("pit.csv", 0.33, 1.0)

@@ -16,6 +16,10 @@ NodeGraph node_graph(const TissueModel& model) {
       for (const int a : tet)
         for (const int b : tet)
           if (a != b && !model.fixed[a] && !model.fixed[b]) use(a, b);
+    if (!model.condensed) return;
+    for (const int a : model.condensed->node)
+      for (const int b : model.condensed->node)
+        if (a != b) use(a, b);
   };
   std::vector<int> first(model.nodes_in_use + 1, 0);
   each_pair([&](int a, int) { ++first[a + 1]; });

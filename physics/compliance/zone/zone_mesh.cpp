@@ -50,6 +50,7 @@ ZoneMesh ZoneMeshes::now() const {
   mesh.model.material = model_.material;
   mesh.model.elastic = model_.elastic;
   mesh.model.springs = model_.springs;
+  mesh.model.condensed = model_.condensed;
   mesh.model.gradients = model_.gradients;
   mesh.model.volume = model_.volume;
   mesh.model.fixed = model_.fixed;

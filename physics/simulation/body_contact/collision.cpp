@@ -98,29 +98,22 @@ double width(const SurfaceFace& f, std::span<const Vec3> x) {
 }
 
 // libccd may search for ever where a face is 10^8 m wide, and near_faces with it.
-void require_bounded(std::span<const SurfaceFace> faces, double widest, int index,
-                     std::span<const Vec3> positions) {
-  for (const SurfaceFace& f : faces)
-    if (const double w = width(f, positions); !(w <= most_stretch * widest))
-      throw std::runtime_error("the tissue is unstable: of body " + std::to_string(index) +
-                               " the face of nodes " + std::to_string(f.nodes[0]) + ", " +
-                               std::to_string(f.nodes[1]) + " and " + std::to_string(f.nodes[2]) + " is " +
-                               std::to_string(w) + " m wide");
+void require_bounded(const SurfaceFace& f, double widest, int index, std::span<const Vec3> positions) {
+  if (const double w = width(f, positions); !(w <= most_stretch * widest))
+    throw std::runtime_error("the tissue is unstable: of body " + std::to_string(index) +
+                             " the face of nodes " + std::to_string(f.nodes[0]) + ", " +
+                             std::to_string(f.nodes[1]) + " and " + std::to_string(f.nodes[2]) + " is " +
+                             std::to_string(w) + " m wide");
 }
 
-void find_boxes(Body& body, std::span<const Vec3> positions) {
-  body.corners.resize(body.faces.size());
-  body.boxes.resize(body.faces.size());
-  body.balls.resize(body.faces.size());
-  for (std::size_t f = 0; f < body.faces.size(); ++f) {
-    const auto [a, b, c] = body.faces[f].nodes;
-    body.corners[f] = {positions[a], positions[b], positions[c]};
-    body.boxes[f] = Box(positions[a], positions[b], positions[c]);
-    const Vec3 centre = (positions[a] + positions[b] + positions[c]) / 3;
-    double square = 0;
-    for (const Vec3& corner : body.corners[f]) square = std::max(square, (corner - centre).squaredNorm());
-    body.balls[f] = {centre, std::sqrt(square)};
-  }
+void find_box(Body& body, std::size_t f, std::span<const Vec3> positions) {
+  const auto [a, b, c] = body.faces[f].nodes;
+  body.corners[f] = {positions[a], positions[b], positions[c]};
+  body.boxes[f] = Box(positions[a], positions[b], positions[c]);
+  const Vec3 centre = (positions[a] + positions[b] + positions[c]) / 3;
+  double square = 0;
+  for (const Vec3& corner : body.corners[f]) square = std::max(square, (corner - centre).squaredNorm());
+  body.balls[f] = {centre, std::sqrt(square)};
 }
 
 }  // namespace
@@ -147,15 +140,22 @@ int Collision::add_body(std::span<const SurfaceFace> faces, std::span<const Vec3
 
 void Collision::set_surface(int index, std::span<const SurfaceFace> faces, std::span<const Vec3> positions) {
   Body& body = impl_->bodies[index];
-  require_bounded(faces, body.widest, index, positions);
+  for (const SurfaceFace& f : faces) require_bounded(f, body.widest, index, positions);
   body.faces.assign(faces.begin(), faces.end());
-  find_boxes(body, positions);
+  body.corners.resize(body.faces.size());
+  body.boxes.resize(body.faces.size());
+  body.balls.resize(body.faces.size());
+  for (std::size_t f = 0; f < body.faces.size(); ++f) find_box(body, f, positions);
 }
 
 void Collision::refit(int index, std::span<const Vec3> positions) {
   Body& body = impl_->bodies[index];
-  require_bounded(body.faces, body.widest, index, positions);
-  find_boxes(body, positions);
+  for (std::size_t f = 0; f < body.faces.size(); ++f) {
+    const auto [a, b, c] = body.faces[f].nodes;
+    if (body.corners[f] == std::array<Vec3, 3>{positions[a], positions[b], positions[c]}) continue;
+    require_bounded(body.faces[f], body.widest, index, positions);
+    find_box(body, f, positions);
+  }
 }
 
 void Collision::near_faces(const InstrumentPoses& poses, std::vector<NearFace>& out) {

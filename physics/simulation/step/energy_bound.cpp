@@ -89,8 +89,9 @@ class Bounding {
   // visit(node, piece) of the nodes that move.
   template <typename Visit>
   void each_node(const Visit& visit) const {
-    for (int n = 0; n < model_.node_count(); ++n)
+    model_.each_node([&](int n) {
       if (pieces_.of_node[n] >= 0 && !model_.fixed[n]) visit(n, pieces_.of_node[n]);
+    });
   }
 
  private:
@@ -109,10 +110,11 @@ class Bounding {
   VecX strain_of_rounding() const {
     constexpr double strain = 1e-9, to_scale = 1 / solve_error;
     VecX stiff_volume = VecX::Zero(pieces_.count());
-    for (int t = 0; t < model_.tet_count(); ++t)
+    model_.each_tet([&](int t) {
       if (pieces_.of_tet[t] >= 0)
         stiff_volume[pieces_.of_tet[t]] +=
             (2 * model_.elastic[t].mu + model_.elastic[t].lambda) * model_.volume[t];
+    });
     return to_scale * strain * strain * stiff_volume;
   }
 

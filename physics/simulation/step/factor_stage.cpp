@@ -138,8 +138,8 @@ bool FactorStage::plausible(const StepContext& c, Body& body) const {
   if (!keeps_references_) return true;
   const auto within = [&](double edges) {
     double largest = 0;
-    for (int n = 0; n < body.model.node_count(); ++n)
-      largest = std::max(largest, body.free.dx.segment<3>(3 * n).squaredNorm());
+    body.model.each_node(
+        [&](int n) { largest = std::max(largest, body.free.dx.segment<3>(3 * n).squaredNorm()); });
     return largest <= edges * edges * body.edge * body.edge;
   };
   if (body.free.forward_solved) {

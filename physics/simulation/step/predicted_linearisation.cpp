@@ -15,7 +15,7 @@ void linearise_ahead(Body& body, double h) {
   TissueState& state = body.state;
   const std::vector<Vec3> x = state.x;
   body.free.predicted = body.free.dx;
-  for (int n = 0; n < m.node_count(); ++n) state.x[n] += body.free.dx.segment<3>(3 * n);
+  m.each_node([&](int n) { state.x[n] += body.free.dx.segment<3>(3 * n); });
   {
     const Within assembly(body.times, StepPart::assembly);
     update_rotations(m, state);
@@ -28,11 +28,13 @@ void linearise_ahead(Body& body, double h) {
   f += body.scratch.force;
   if (m.dynamic) {
     const double per_mass = 1 / (h * h) + m.material.rayleigh_mass / h;
-    for (int n = 0; n < m.node_count(); ++n)
+    m.each_node([&](int n) {
       f.segment<3>(3 * n) += state.mass[n] * (state.v[n] / h - per_mass * body.free.dx.segment<3>(3 * n));
+    });
   }
-  for (int n = 0; n < m.node_count(); ++n)
+  m.each_node([&](int n) {
     if (m.fixed[n] || state.live_tets_of_node[n] == 0) f.segment<3>(3 * n).setZero();
+  });
   begin_free_motion(body, f, &body.free.predicted);
   state.x = x;
 }

@@ -83,14 +83,14 @@ void add_instrument(const Body& body, const ZoneRequest& r, int i, Nearness& nea
   const double farthest =
       std::max(zone_radius(body, r), near) + std::max(way, (pose_in(adopted).p - X.p).norm());
   std::vector<int> around;
-  for (int n = 0; n < body.model.node_count(); ++n) {
-    if (!at_adopted.near(x[n], farthest)) continue;
+  body.model.each_node([&](int n) {
+    if (!at_adopted.near(x[n], farthest)) return;
     around.push_back(n);
     near_by.around[n] = 1;
     const double gap = at_adopted.gap(x[n]).distance;
     near_by.meet(n, i, gap);
     near_by.is_near[n] |= gap < near || (r.made_elsewhere && gap_below(here, near, n) < near);
-  }
+  });
   for (int k = 1; r.made_elsewhere && k <= poses; ++k) {
     const PlacedInstrument on_the_way(instrument, pose_in(adopted + k * (replaced - adopted) / poses));
     for (const int n : around) near_by.meet(n, i, gap_below(on_the_way, near_by.gap[n], n));
@@ -129,10 +129,11 @@ std::vector<ZoneNode> nodes_at_instruments(const Body& body, const ZoneRequest& 
   }
   const double reach = zone_radius(body, r);
   std::vector<ZoneNode> wanted;
-  for (int n = 0; n < body.model.node_count(); ++n)
+  body.model.each_node([&](int n) {
     // Of nodes alike near, those of the surface come first: they are what patches are made of.
     if (near_by.around[n] && (near_by.gap[n] < reach || (r.made_elsewhere && needed[n])))
       wanted.push_back({near_by.gap[n] + (on_surface[n] ? 0 : body.edge), n, needed[n] != 0, near_by.of[n]});
+  });
   std::sort(wanted.begin(), wanted.end(), nearer);
   if (wanted.size() > max_zone_nodes) {
     share_zone(wanted, r.X);

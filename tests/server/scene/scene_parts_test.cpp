@@ -2,7 +2,10 @@
 
 #include "server/mesh/mesh_reader.h"
 #include "server/mesh/mesh_writer.h"
+#include "server/observe/body_snapshot.h"
+#include "server/scene/scene_describe.h"
 #include "server/scene/scene_world.h"
+#include "server/schedule/scene_fingerprint.h"
 #include "tests/server/scene/scene_file.h"
 #include "tests/support/mesh_shapes.h"
 
@@ -143,6 +146,38 @@ TEST_F(SceneParts, SpringsHoldByNodeOrByArea) {
   }
   EXPECT_NEAR(top, 2.0 * 15, 1e-9);
   EXPECT_NEAR(bottom, 1e5 * 2e-4, 1e-9);
+}
+
+TEST_F(SceneParts, WhatIsFarIsCondensed) {
+  const Scene scene = with_body("    near: {centre: [0.01, 0.005, 0.01], radius: 6.0e-3}\n");
+  ASSERT_TRUE(scene.bodies[0].near);
+  EXPECT_EQ(scene.bodies[0].near->centre, Vec3(0.01, 0.005, 0.01));
+  EXPECT_NE(describe(scene).find("simulated within 6 mm of (10, 5, 10) mm"), std::string::npos);
+  const Scene all = with_body("");
+  EXPECT_NE(fingerprint(scene), fingerprint(all));
+  const auto world = make_world(scene);
+  ASSERT_TRUE(world->bodies()[0].model.condensed);
+  EXPECT_LT(std::count(world->bodies()[0].state.alive.begin(), world->bodies()[0].state.alive.end(), 1),
+            static_cast<std::ptrdiff_t>(scene.bodies[0].mesh.tets.size()));
+  // What looks on sees all of it.
+  BodySnapshot seen, whole;
+  take_snapshot(world->bodies()[0], seen);
+  take_snapshot(make_world(all)->bodies()[0], whole);
+  EXPECT_EQ(seen.alive, whole.alive);
+}
+
+TEST_F(SceneParts, FaultsOfNearRegionsAreNamed) {
+  const auto fault = [&](const std::string& text, const std::string& key, const std::string& words,
+                         int line) {
+    expect_fault("    fixed: bottom\n", "    fixed: bottom\n" + text, key, words, line);
+  };
+  fault("    near: {centre: [0, 0, 0]}\n", "bodies[0].near.radius", "missing", 11);
+  fault("    near: {centre: [0, 0, 0], radius: -1}\n", "bodies[0].near.radius", "above 0", 11);
+  fault("    near: {centre: [1, 1, 1], radius: 0.01}\n", "bodies[0].near.centre", "no tetrahedron", 11);
+  fault("    near: {centre: [0, 0, 0], radius: 0.01}\n    toughness: 100\n    max_new_nodes: 10\n",
+        "bodies[0].toughness", "cannot stand beside near", 12);
+  expect_fault("    fixed: bottom\n", "    floating: true\n    near: {centre: [0, 0, 0], radius: 0.01}\n",
+               "bodies[0].floating", "cannot stand beside near", 10);
 }
 
 TEST_F(SceneParts, FaultsOfRegionsAndSpringsAreNamed) {

@@ -263,7 +263,8 @@ TEST_F(SceneReader, ComplianceIsOneOfTheDaemonsMethods) {
 }
 
 TEST(ShippedScenes, AreReadAndFitTheirDevice) {
-  for (const char* name : {"cataract/cataract.yaml", "cube/cube.yaml", "lens_large/lens_5k.yaml"}) {
+  for (const char* name :
+       {"cataract/cataract.yaml", "cube/cube.yaml", "lens_large/lens_5k.yaml", "lens_large/lens_20k.yaml"}) {
     SCOPED_TRACE(name);
     const Scene scene = read_scene(scenes / name);
     EXPECT_LE(felt_stiffness(scene.first()), 1.001 * scene.first().device_stiffness);

@@ -50,6 +50,40 @@ TEST(Degraded, WithoutPrivilegesTheDaemonAnnouncesItAndAnswers) {
   EXPECT_NE(text.find("degraded"), std::string::npos) << text;
 }
 
+// Of the cube what is near its bottom is simulated; the ball presses its top, which is condensed.
+TEST(Degraded, ADaemonSaysThatAnInstrumentReachesCondensedTissue) {
+  const ScratchDirectory scratch;
+  const std::filesystem::path cube = SOURCE_DIR "/config/scenes/cube";
+  std::filesystem::copy_file(cube / "cube.msh", scratch.file("cube.msh"));
+  std::ifstream given(cube / "cube.yaml");
+  std::string text{std::istreambuf_iterator<char>(given), {}};
+  const std::string key = "    mesh: cube.msh\n";
+  ASSERT_NE(text.find(key), std::string::npos);
+  text.insert(text.find(key), "    near: {centre: [0.01, 0.01, 0], radius: 8.0e-3}\n");
+  if (const std::size_t at = text.find("\ntrajectory:"); at != std::string::npos)
+    text.erase(at + 1, text.find('\n', at + 1) - at);
+  std::ofstream(scratch.file("cube.yaml")) << text;
+  const Domain domain(test_domain(), read_dds_profile("loopback"));
+  const Participant participant(domain);
+  const std::string log = scratch.file("daemon.log"), summary = scratch.file("summary.json");
+  Child daemon({.command = {BIN_DIR "/hapticd", scratch.file("cube.yaml"), "--domain",
+                            std::to_string(domain.id()), "--json", summary},
+                .output = log});
+  ScriptedClient client(participant);
+  ASSERT_TRUE(client.await(patience_ms, [](const Force&) { return true; }));
+  client.enable(true);
+  client.move_to(touching_z, 300);
+  EXPECT_TRUE(client.await(patience_ms, [](const Force& f) { return f.status == 0 && magnitude(f) > 0.02; }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  kill(daemon.pid(), SIGTERM);
+  EXPECT_EQ(daemon.wait(20), 0);
+  std::ifstream in(log);
+  const std::string said{std::istreambuf_iterator<char>(in), {}};
+  EXPECT_NE(said.find("beyond_near"), std::string::npos) << said;
+  std::ifstream figures(summary);
+  EXPECT_GT(nlohmann::json::parse(figures).at("condensed_steps").get<int>(), 0);
+}
+
 // Reference factors that are made after everybody else's programs come late whenever a core is busy.
 TEST(Priorities, TheSimulationGoesFirstAndItsReferencesAreAnOrdinaryProgram) {
   Grant grant;
