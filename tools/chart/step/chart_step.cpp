@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "haptic/clock.h"
+#include "physics/tissue/mesh_quality.h"
 #include "server/app/reference_maker.h"
 #include "server/os/realtime.h"
 #include "server/scene/scene_world.h"
@@ -39,6 +40,13 @@ BladePath put_blade(Scene& scene, double depth) {
   BladePath way;
   way.height = top - depth + edge / 2;
   return way;
+}
+
+const TipSettings near_the_pole{.around = 0.25e-3, .aside = 0.15e-3};
+
+Vec3 anterior_pole(const TetMesh& mesh) {
+  return *std::max_element(mesh.nodes.begin(), mesh.nodes.end(),
+                           [](const Vec3& a, const Vec3& b) { return a.z() < b.z(); });
 }
 
 bool keeps_references(ComplianceMethod method) {
@@ -84,15 +92,24 @@ class StepRun {
     if (of.cut_depth > 0)
       way_ = [way = put_blade(scene_, of.cut_depth)](double t) { return drawn_blade(way, t); };
     else
-      way_ = [tip = TravellingTip(scene_, {})](double t) { return tip.at(t); };
+      way_ = [tip = TravellingTip(scene_, of.at_pole ? near_the_pole : TipSettings{})](double t) {
+        return tip.at(t);
+      };
+    if (of.near > 0) {
+      const TetMesh& mesh = scene_.bodies[0].mesh;
+      scene_.bodies[0].near = {anterior_pole(mesh), of.near * measure_mesh(mesh).edge.mean};
+      point_.near_mm = 1e3 * scene_.bodies[0].near->radius;
+    }
     scene_.compliance = of.method;
     scene_.bodies[0].corotational = of.corotational;
     scene_.first().removal.rate = of.removals_per_s;
     WorldSettings settings = world_settings(scene_);
     settings.compliance_options.times = &times_;
+    const std::int64_t begun = monotonic_ns();
     world_ = make_world(scene_, settings);
     // As the daemon does before its clock starts.
     world_->step([] { return InstrumentSample{}; }, *problem_);
+    point_.start_ms = 1e-6 * static_cast<double>(monotonic_ns() - begun);
     bases_.start();
   }
 
@@ -142,6 +159,7 @@ class StepRun {
     done.ms = 1e-6 * static_cast<double>(spent);
     for (std::size_t p = 0; p < done.parts_ms.size(); ++p)
       done.parts_ms[p] = 1e-6 * static_cast<double>(times_.ns(static_cast<StepPart>(p)));
+    point_.force.push_back(report.contact.wrench[0].head<3>());
     done.nodes = problem_->nodes;
     done.contacts = report.contact.contacts;
     done.active = report.contact.active;
@@ -150,6 +168,7 @@ class StepRun {
     point_.removed += report.removed;
     point_.bases += report.references_adopted;
     point_.uncovered_steps += report.uncovered_nodes > 0;
+    point_.fallback_steps += report.condensed_nodes > 0;
   }
 
   StepPoint point() {
@@ -160,6 +179,16 @@ class StepRun {
     point_.nodes_added =
         world_->bodies()[0].model.nodes_in_use - static_cast<int>(scene_.bodies[0].mesh.nodes.size());
     point_.busy = case_.busy;
+    point_.at_pole = case_.at_pole;
+    point_.near = case_.near;
+    const Body& lens = world_->bodies()[0];
+    for (int n = 0; n < lens.model.nodes_in_use; ++n)
+      point_.simulated += !lens.model.fixed[n] && lens.state.live_tets_of_node[n] > 0;
+    point_.memory_mb = 1e-6 * static_cast<double>(lens.compliance->report().memory_bytes);
+    if (const CondensedTissue* far = lens.model.condensed.get()) {
+      point_.boundary = static_cast<int>(far->node.size());
+      point_.memory_mb += 1e-6 * sizeof(double) * static_cast<double>(far->stiffness.size());
+    }
     point_.model = case_.corotational ? "corotational" : "linear";
     point_.compliance = name_of(case_.method);
     point_.nodes = static_cast<int>(scene_.bodies[0].mesh.nodes.size());
@@ -208,8 +237,11 @@ class StepRun {
 }  // namespace
 
 const std::vector<StepLens>& step_lenses() {
-  static const std::vector<StepLens> lenses = {
-      {"1k", 1.6e-3, 0.6e-3}, {"5k", 0.6e-3, 0.4e-3}, {"10k", 0.45e-3, 0.3e-3}, {"20k", 0.3e-3, 0.25e-3}};
+  static const std::vector<StepLens> lenses = {{"1k", 1.6e-3, 0.6e-3},
+                                               {"5k", 0.6e-3, 0.4e-3},
+                                               {"10k", 0.45e-3, 0.3e-3},
+                                               {"20k", 0.3e-3, 0.25e-3},
+                                               {"100k", 0.18e-3, 0.2e-3}};
   return lenses;
 }
 
@@ -238,13 +270,34 @@ StepPoint chart_step(const StepCase& of, const std::function<bool(double)>& prog
   return StepRun(of).run(progress);
 }
 
+void compare_forces(std::span<StepPoint> points) {
+  for (StepPoint& p : points) {
+    const auto whole = std::find_if(points.begin(), points.end(), [&](const StepPoint& o) {
+      return o.near == 0 && o.at_pole == p.at_pole && o.nodes == p.nodes && o.model == p.model &&
+             o.compliance == p.compliance;
+    });
+    if (p.near == 0 || whole == points.end()) continue;
+    double peak = 0, sum = 0, largest = 0;
+    const std::size_t steps = std::min(p.force.size(), whole->force.size());
+    for (std::size_t k = 0; k < steps; ++k) {
+      const double off = (p.force[k] - whole->force[k]).norm();
+      peak = std::max(peak, whole->force[k].norm());
+      largest = std::max(largest, off);
+      sum += off * off;
+    }
+    if (!(peak > 0)) continue;
+    p.force_rms_rel = std::sqrt(sum / static_cast<double>(steps)) / peak;
+    p.force_max_rel = largest / peak;
+  }
+}
+
 std::optional<double> growth(std::span<const StepPoint> points, const std::string& model,
-                             const std::string& compliance,
+                             const std::string& compliance, double near,
                              const std::function<double(const StepPoint&)>& ms) {
   constexpr double least_ms = 0.01;
   double n = 0, x = 0, y = 0, xx = 0, xy = 0;
   for (const StepPoint& p : points) {
-    if (p.model != model || p.compliance != compliance) continue;
+    if (p.model != model || p.compliance != compliance || p.near != near) continue;
     if (!(ms(p) >= least_ms)) return std::nullopt;
     const double u = std::log(p.nodes), v = std::log(ms(p));
     n += 1;

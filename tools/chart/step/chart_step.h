@@ -19,6 +19,7 @@
 
 #include "physics/compliance/compliance.h"
 #include "physics/part_times.h"
+#include "physics/types.h"
 
 namespace hapticd {
 
@@ -39,6 +40,10 @@ struct StepCase {
   int steps = 500;
   double seconds = 60;  // a slow case ends here, after ten steps at least
   bool busy = false;
+  // The tip stays near the anterior pole; of the tissue, what is nearer than `near` to it is simulated, the
+  // rest condensed (condense_far.h); 0: all is simulated [mean edges of the mesh].
+  bool at_pole = false;
+  double near = 0;
 };
 
 using StepParts = std::array<double, step_parts>;
@@ -53,9 +58,19 @@ struct StepPoint {
   int split_steps = 0;  // in which the mesh was cut
   int nodes_added = 0;  // by cuts
   bool busy = false;
+  bool at_pole = false;
+  double near = 0;  // [mean edges]
+  double near_mm = 0;
+  int simulated = 0;                                   // nodes
+  int boundary = 0;                                    // … at which condensed tissue begins
+  double start_ms = 0;                                 // of world and first step
+  double memory_mb = 0;                                // of factor and condensed tissue
+  std::vector<Vec3> force;                             // on the tip, each step [N]
+  std::optional<double> force_rms_rel, force_max_rel;  // against `near` 0, the same case, of its peak
   int bases = 0;
   double reference_ms_median = 0;  // on the other thread
   int uncovered_steps = 0;         // with patch nodes outside the zone
+  int fallback_steps = 0;          // … of condensed tissue
   int steps = 0;
   double step_ms_median = 0, step_ms_p99 = 0, step_ms_max = 0;
   double over_20ms = 0;  // share of the steps
@@ -70,10 +85,13 @@ const char* name_of(ComplianceMethod method) noexcept;
 // False ends the run; the point then has what there is.
 StepPoint chart_step(const StepCase& of, const std::function<bool(double)>& progress);
 
+// force_rms_rel and force_max_rel of those with condensed tissue that have their like without among them.
+void compare_forces(std::span<StepPoint> points);
+
 // e of t ~ nodes^e, least squares of logarithms; nothing from fewer than two sizes, or where a part takes
-// less than 10 µs.
+// less than 10 µs. near: of the points with so much simulated.
 std::optional<double> growth(std::span<const StepPoint> points, const std::string& model,
-                             const std::string& compliance,
+                             const std::string& compliance, double near,
                              const std::function<double(const StepPoint&)>& ms);
 
 }  // namespace hapticd

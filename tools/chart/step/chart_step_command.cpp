@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <set>
 
 #include "physics/compliance/compliance.h"
 #include "server/os/realtime.h"
@@ -27,6 +28,7 @@ struct Options {
   std::vector<std::string> lenses, models, compliances;
   std::vector<std::string> parts = {"points", "tick", "factor"};
   bool quick = false, busy = false;
+  std::vector<double> near;  // [mean edges]
   std::string lens = "1k";
   int zone = 60;
   int repeats = 51;
@@ -47,8 +49,9 @@ std::vector<std::string> names_of_lenses() {
 std::vector<StepCase> cases_of(const Options& options) {
   std::vector<StepCase> cases;
   for (const StepLens& lens : step_lenses()) {
-    if (options.lenses.empty() ? options.quick && lens.name != "1k" && lens.name != "5k"
-                               : !has(options.lenses, lens.name))
+    if (options.lenses.empty()
+            ? lens.name == "100k" || (options.quick && lens.name != "1k" && lens.name != "5k")
+            : !has(options.lenses, lens.name))
       continue;
     for (const bool corotational : {true, false})
       for (const ComplianceMethod method : {ComplianceMethod::exact, ComplianceMethod::zone,
@@ -66,7 +69,12 @@ std::vector<StepCase> cases_of(const Options& options) {
         of.steps = options.steps > 0 ? options.steps : options.quick ? 100 : zone ? 2000 : 500;
         of.seconds = options.quick ? 3 : zone ? 60 : 15;
         of.busy = options.busy;
-        cases.push_back(of);
+        if (options.near.empty()) cases.push_back(of);
+        of.at_pole = true;
+        for (const double near : options.near) {
+          of.near = near;
+          cases.push_back(of);
+        }
       }
   }
   return cases;
@@ -91,13 +99,27 @@ nlohmann::ordered_json to_json(const StepPoint& p) {
                                  {"step_ms_p99", rounded(p.step_ms_p99, 3)},
                                  {"step_ms_max", rounded(p.step_ms_max, 3)},
                                  {"over_20ms", rounded(p.over_20ms, 5)}};
+  if (p.at_pole) {
+    json["near_edges"] = p.near;
+    json["fallback_steps"] = p.fallback_steps;
+    json["near_mm"] = rounded(p.near_mm, 3);
+    json["memory_mb"] = rounded(p.memory_mb, 1);
+    json["simulated_nodes"] = p.simulated;
+    json["boundary_nodes"] = p.boundary;
+    json["start_ms"] = rounded(p.start_ms, 1);
+    if (p.force_rms_rel) {
+      json["force_rms_rel"] = rounded(*p.force_rms_rel, 5);
+      json["force_max_rel"] = rounded(*p.force_max_rel, 5);
+    }
+  }
   for (std::size_t k = 0; k < p.parts_ms.size(); ++k)
     json["parts_ms"][name_of(static_cast<StepPart>(k))] = rounded(p.parts_ms[k], 3);
   json["fits_50hz"] = p.fits_50hz;
   return json;
 }
 
-nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points) {
+// One value of `near` a list: steps of unlike parts of the meshes do not compare.
+nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points, double near) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   const auto put = [](nlohmann::ordered_json& in, const char* key, const std::optional<double>& e) {
     in[key] = e ? nlohmann::ordered_json(rounded(*e, 2)) : nlohmann::ordered_json(nullptr);
@@ -105,11 +127,13 @@ nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points) {
   for (const char* model : {"corotational", "linear"})
     for (const char* compliance : {"exact", "zone", "lazy", "updown"}) {
       nlohmann::ordered_json of = {{"model", model}, {"compliance", compliance}};
-      put(of, "step", growth(points, model, compliance, [](const StepPoint& p) { return p.step_ms_median; }));
+      put(of, "step",
+          growth(points, model, compliance, near, [](const StepPoint& p) { return p.step_ms_median; }));
+      if (near > 0) of["near_edges"] = near;
       if (of["step"].is_null()) continue;
       for (std::size_t k = 0; k < step_parts; ++k)
         put(of["parts"], name_of(static_cast<StepPart>(k)),
-            growth(points, model, compliance, [k](const StepPoint& p) { return p.parts_ms[k]; }));
+            growth(points, model, compliance, near, [k](const StepPoint& p) { return p.parts_ms[k]; }));
       json.push_back(of);
     }
   return json;
@@ -169,6 +193,11 @@ void print_points(const std::vector<StepPoint>& points) {
     std::printf("%-13s %-7s %6d %5d %4d  %8.2f %8.2f %5.1f %% ", p.model.c_str(), p.compliance.c_str(),
                 p.nodes, p.patch_nodes, p.contacts, p.step_ms_median, p.step_ms_p99, 100 * p.over_20ms);
     for (const double part : p.parts_ms) std::printf(" %11.3f", part);
+    if (p.at_pole)
+      std::printf("  near %.2f mm: %d nodes, boundary %d, start %.1f s, %.0f MB", p.near_mm, p.simulated,
+                  p.boundary, 1e-3 * p.start_ms, p.memory_mb);
+    if (p.force_rms_rel)
+      std::printf(", force off %.2f %%, at most %.2f %%", 100 * *p.force_rms_rel, 100 * *p.force_max_rel);
     std::printf("\n");
   }
 }
@@ -220,6 +249,7 @@ int chart(Options options) {
     }
   }
   if (interrupted()) return 1;
+  compare_forces(points);
   print_points(points);
   if (factor) {
     print({{"nodes, of the zone", std::to_string(f.nodes) + ", " + std::to_string(f.zone_nodes)},
@@ -246,7 +276,11 @@ int chart(Options options) {
   json["points"] = nlohmann::ordered_json::array();
   for (const StepPoint& p : points) json["points"].push_back(to_json(p));
   if (!points.empty()) {
-    json["growth"] = growth_of(points);
+    json["growth"] = nlohmann::ordered_json::array();
+    std::set<double> nears;
+    for (const StepPoint& p : points) nears.insert(p.near);
+    for (const double near : nears)
+      for (const nlohmann::ordered_json& of : growth_of(points, near)) json["growth"].push_back(of);
     json["largest_50hz"] = largest_of(points);
   }
   if (ticks) {
@@ -285,6 +319,11 @@ Command add_chart_step(CLI::App& chart_app) {
       ->check(CLI::IsMember({"exact", "zone", "lazy", "updown"}));
   app->add_flag("--busy", options->busy,
                 "of the points, while another program computes on the simulation's core");
+  app->add_option("--near", options->near,
+                  "of the points, the tip at the anterior pole: tissue within so many mean edges of it is "
+                  "simulated, the rest condensed; 0: all of it, which the others' forces are compared with")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 1000.0));
   app->add_option("--steps", options->steps, "of each point, at most")->check(CLI::Range(1, 1000000));
   app->add_option("--lens", options->lens, "of the factor")->check(CLI::IsMember(names_of_lenses()));
   app->add_option("--zone", options->zone, "of the factor: nodes ordered last")->check(CLI::Range(0, 1000));

@@ -18,6 +18,9 @@ Scene lens_under_tip(const std::string& lens, double alarm_distance, double samp
   SceneBody& body = scene.bodies.at(0);
   body.mesh_file =
       lens == "1k" ? scenes / "cataract" / "lens.msh" : scenes / "lens_large" / ("lens_" + lens + ".msh");
+  if (lens == "100k" && !std::filesystem::is_regular_file(body.mesh_file))
+    throw InputError(body.mesh_file, 0, "",
+                     "is not there: it is too large to be shipped; `mesh.sh 100k` beside it makes it (gmsh)");
   body.mesh = read_mesh_file(body.mesh_file);
   const MeshGroup* zonule = body.mesh.group("zonule");
   if (!zonule) throw InputError(body.mesh_file, 0, "", "has no group 'zonule'");

@@ -4,7 +4,8 @@
 //   φ = s / 1.2 mm + turned,   s: way
 //
 // so the tip always comes to other tissue, at `speed`. The surface is the lens's at rest. Lenses are the
-// cataract scene's (1k) and those of config/scenes/lens_large; all but the mesh is the scene lens_5k.
+// cataract scene's (1k) and those of config/scenes/lens_large (100k is made there by `mesh.sh 100k`); all but
+// the mesh is the scene lens_5k.
 // Units: SI. Errors: InputError for a missing mesh.
 #pragma once
 
