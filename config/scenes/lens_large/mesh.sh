@@ -9,7 +9,7 @@ make_lens() {
     ../cataract/lens.geo
 }
 if [ "${1:-}" = 100k ]; then
-  make_lens lens_100k 0.1239 0.0970
+  make_lens lens_100k 0.1203 0.0942
   exit
 fi
 make_lens lens_5k 0.352 0.273
