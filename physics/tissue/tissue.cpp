@@ -98,6 +98,7 @@ TissueState rest_state(const TissueModel& model) {
   state.rotation.assign(model.tet_count(), Mat3::Identity());
   state.alive.assign(model.tet_count(), 0);
   std::fill_n(state.alive.begin(), model.tets_in_use, std::uint8_t{1});
+  for (int t = 0; model.condensed && t < model.tets_in_use; ++t) state.alive[t] = !model.condensed->tet[t];
   state.left.assign(model.tet_count(), 1.0);
   if (model.material.law == Law::guarded) state.collapsed.reserve(model.tet_count());
   refresh_mass(model, state);

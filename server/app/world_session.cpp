@@ -29,10 +29,17 @@ std::optional<std::filesystem::path> recording_of(const WorldSessionOptions& opt
   return recordings_of(*options.record, scene)[static_cast<std::size_t>(i)];
 }
 
-std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times) {
+// before: of the same scene; null: none. What it condensed need not be condensed again.
+std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times, const World* before) {
   WorldSettings settings = world_settings(scene);
   settings.compliance_options.times = &times;
-  return make_world(scene, settings);
+  if (!before) return make_world(scene, settings);
+  Scene again = scene;
+  for (std::size_t b = 0; b < again.bodies.size(); ++b)
+    if (const TissueModel& model = before->bodies()[b].model; model.condensed)
+      again.bodies[b].start =
+          std::make_shared<const BodyStart>(BodyStart{model, rest_state(model), BoundarySurface(model.mesh)});
+  return make_world(again, settings);
 }
 
 }  // namespace
@@ -107,11 +114,12 @@ WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>
   now_->loop->warm_up();
 }
 
-WorldSession::Simulated::Simulated(const Scene& of, PartTimes& times)
-    : scene(&of), world(timed_world(of, times)) {}
+WorldSession::Simulated::Simulated(const Scene& of, PartTimes& times, const Simulated* before)
+    : scene(&of),
+      world(timed_world(of, times, before && before->scene == &of ? before->world.get() : nullptr)) {}
 
 std::unique_ptr<WorldSession::Simulated> WorldSession::simulated(const Scene& scene) {
-  auto made = std::make_unique<Simulated>(scene, times_);
+  auto made = std::make_unique<Simulated>(scene, times_, now_.get());
   made->loop.emplace(*made->world, times_, scene.rate, instruments_, made->problems, snapshots());
   if (has_edge()) made->loop->share_into(copies_);
   return made;

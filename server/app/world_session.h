@@ -118,7 +118,7 @@ class WorldSession {
 
   // What goes when another world comes.
   struct Simulated {
-    Simulated(const Scene& scene, PartTimes& times);
+    Simulated(const Scene& scene, PartTimes& times, const Simulated* before);
     const Scene* scene;
     std::unique_ptr<World> world;
     Channel<CondensedProblem> problems;

@@ -227,6 +227,15 @@ TEST(CondenseFar, WhatIsNotHeldStaysNear) {
   }
 }
 
+// What is condensed once is so in every state at rest.
+TEST(CondenseFar, AtRestIsAsItWasCondensed) {
+  const Near near(tissue(4));
+  const TissueState again = rest_state(near.model);
+  EXPECT_EQ(again.alive, near.state.alive);
+  EXPECT_EQ(again.mass, near.state.mass);
+  EXPECT_EQ(again.live_tets_of_node, near.state.live_tets_of_node);
+}
+
 TEST(CondenseFar, NothingFarChangesNothingAndNothingNearIsRefused) {
   TissueModel model = oracle::box(3);
   TissueState state = rest_state(model);
