@@ -1,8 +1,8 @@
 // A compliance of what is simulated of a body whose rest is condensed: any method, on a model of those nodes
-// and tetrahedra alone, so that nothing of it grows with the mesh.
+// and tetrahedra alone, so that no factor and no solve grows with the mesh.
 //
 //   near model: live tetrahedra and their nodes, numbered anew; CondensedTissue on its boundary
-//   b, y, nodes and tetrahedra of the interface are the whole body's; what is not near is zero, covered, ignored
+//   b, y, nodes and tetrahedra of the interface are the whole body's; the rest is zero, or covered
 //
 // Units, shapes and errors as compliance.h; `reshape` throws std::runtime_error: such tissue is not cut.
 // Departure from the interface: none.
