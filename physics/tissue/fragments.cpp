@@ -83,6 +83,10 @@ std::vector<int> label_pieces(const TissueModel& model, const TissueState& state
     const Tet& tet = model.mesh.tets[t];
     for (int a = 1; a < 4; ++a) parent[root_of(parent, tet[a])] = root_of(parent, tet[0]);
   }
+  // Condensed tissue joins all that it meets: what one of them does the others feel.
+  if (model.condensed)
+    for (const int n : model.condensed->node)
+      parent[root_of(parent, n)] = root_of(parent, model.condensed->node.front());
   return numbered(state, parent, [&](int t) { return model.mesh.tets[t][0]; });
 }
 
@@ -99,6 +103,11 @@ Pieces find_pieces(const TissueModel& model, const TissueState& state) {
       if (model.holds(n)) pieces.held[p] = 1;
     }
   }
+  if (!model.condensed) return pieces;
+  // Its boundary is that piece's, where nothing near is left of it too.
+  int joined = -1;
+  for (const int n : model.condensed->node) joined = std::max(joined, pieces.of_node[n]);
+  for (const int n : model.condensed->node) pieces.of_node[n] = joined;
   return pieces;
 }
 

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "physics/simulation/world.h"
+#include "physics/tissue/fragments.h"
 #include "physics/tissue/tissue_parts.h"
 #include "tests/physics/compliance/oracle.h"
 #include "tests/support/bodies.h"
@@ -234,6 +235,26 @@ TEST(CondenseFar, AtRestIsAsItWasCondensed) {
   EXPECT_EQ(again.alive, near.state.alive);
   EXPECT_EQ(again.mass, near.state.mass);
   EXPECT_EQ(again.live_tets_of_node, near.state.live_tets_of_node);
+}
+
+// What is cut in two near the boundary stays one piece: each half pulls at the other through what is
+// condensed.
+TEST(CondenseFar, WhatMeetsCondensedTissueIsOnePiece) {
+  Near near(tissue(6));
+  std::vector<int> middle;
+  for (const int t : near.model.condensed->near_tet) {
+    double x = 0;
+    for (const int n : near.model.mesh.tets[t]) x += 0.25 * near.model.mesh.nodes[n].x();
+    if (std::abs(x - near_top.centre.x()) < 1.2e-3) middle.push_back(t);
+  }
+  remove_tets(near.model, near.state, middle);
+  TissueModel alone = near.model;
+  alone.condensed.reset();
+  ASSERT_GT(find_pieces(alone, near.state).count(), 1);
+  const Pieces pieces = find_pieces(near.model, near.state);
+  EXPECT_EQ(pieces.count(), 1);
+  EXPECT_EQ(pieces.held.front(), 1);
+  for (const int n : near.model.condensed->node) EXPECT_EQ(pieces.of_node[n], 0);
 }
 
 TEST(CondenseFar, NothingFarChangesNothingAndNothingNearIsRefused) {

@@ -117,6 +117,12 @@ VecX TissueWatch::energies(const Body& body, const Pieces& pieces, const std::ve
       H[p] += 0.5 * body.state.mass[n] * v[n].squaredNorm();
       if (n < body.model.springs.size()) H[p] += spring_energy(body.model.springs[n], x[n]);
     }
+  if (!body.model.condensed) return H;
+  TissueState at;
+  at.x = x;
+  const VecX of_boundary = body.model.condensed->energies(at, nullptr);
+  for (Eigen::Index i = 0; i < of_boundary.size(); ++i)
+    if (const int p = pieces.of_node[body.model.condensed->node[i]]; p >= 0) H[p] += of_boundary[i];
   return H;
 }
 
