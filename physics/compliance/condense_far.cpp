@@ -6,7 +6,6 @@
 
 #include "physics/compliance/compliance.h"
 #include "physics/tissue/fragments.h"
-#include "physics/tissue/tetrahedron.h"
 
 namespace hapticd {
 namespace {
@@ -146,7 +145,7 @@ void condense_far(TissueModel& model, TissueState& state, const NearRegion& near
     if (in_far[n] && !in_near[n]) model.fixed[n] = 1;
   for (int t = 0; t < tets; ++t)
     if (of->tet[t]) state.alive[t] = 0;
-  // A spring of the boundary is in K̂ already, and the far tissue's fixed nodes have none.
+  // A spring of the boundary is in K̂ already; those beyond hold nothing that is alive.
   for (const int n : of->node)
     if (!model.springs.empty()) model.springs[n] = {};
   model.condensed = std::move(of);

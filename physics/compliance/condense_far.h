@@ -7,7 +7,7 @@
 // Pre: the state is at rest, and nothing was removed or cut. Post: the model has it (TissueModel::condensed),
 // nodes beyond the boundary are fixed, far tetrahedra are dead. Nothing changes where nothing is far. Units:
 // m. Errors: std::invalid_argument where nothing is near; std::runtime_error from the far tissue's factor.
-// Cost: that factor, eight solves with it, and a dense inverse of the boundary's size. Source: Guyan 1965.
+// Cost: that factor, seven solves with it, and a dense inverse of the boundary's size. Source: Guyan 1965.
 #pragma once
 
 #include "physics/tissue/tissue.h"

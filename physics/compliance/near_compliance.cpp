@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "physics/tissue/surface.h"
@@ -85,8 +86,11 @@ struct NearModel {
 
   const std::vector<int>& near_of(std::span<const int> of, const std::vector<int>& number) {
     list.clear();
-    for (const int k : of)
-      if (number.at(static_cast<std::size_t>(k)) >= 0) list.push_back(number[static_cast<std::size_t>(k)]);
+    for (const int k : of) {
+      if (k < 0 || k >= static_cast<int>(number.size()))
+        throw std::invalid_argument("the body has no node or tetrahedron " + std::to_string(k));
+      if (number[k] >= 0) list.push_back(number[k]);
+    }
     return list;
   }
   const std::vector<int>& nodes(std::span<const int> of) { return near_of(of, of_node); }

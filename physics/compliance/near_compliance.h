@@ -5,7 +5,7 @@
 //   b, y, nodes and tetrahedra of the interface are the whole body's; the rest is zero, or covered
 //
 // Units, shapes and errors as compliance.h; `reshape` throws std::runtime_error: such tissue is not cut.
-// Departure from the interface: none.
+// Allocates in each solve.
 #pragma once
 
 #include <functional>

@@ -6,8 +6,8 @@
 // b: boundary nodes, f: those beyond. It is linear about the mesh's shape and static (Guyan 1965), damped as
 // the tissue is. Its tetrahedra are dead and its nodes beyond the boundary are fixed: they stand where the
 // mesh has them, nothing is removed of them, and an instrument that comes there meets a rigid surface.
-// Units: m, N, kg. Shapes: three rows a boundary node. Made by compliance/condense_far.h. Departure from
-// Guyan: the mass is lumped.
+// Units: m, N, kg. Shapes: three rows a boundary node. Made by compliance/condense_far.h; `load` is one of the
+// external forces (tissue.h). Departure from Guyan: the mass is lumped.
 #pragma once
 
 #include <cstdint>

@@ -194,6 +194,8 @@ TEST(CondenseFar, AReferenceFactorServesTheWholeBodysNumbers) {
   ASSERT_GT(asked.size(), zone.size() + 10);
   EXPECT_TRUE(compliance->zone_covers(asked));
   EXPECT_TRUE(compliance->forward_covers(asked));
+  const std::vector<int> unknown = {near.model.node_count()};
+  EXPECT_THROW(compliance->move_zone(unknown), std::invalid_argument);
   MatX block(3 * asked.size(), 3 * asked.size());
   compliance->patch(asked, block);
   EXPECT_LT(relative(block, rows_and_columns(C, asked)), 1e-8);
