@@ -22,7 +22,7 @@ constexpr NumberRange length{0, 2, true, false, "metres"};
 constexpr NumberRange radius{0, 0.2, true, false, "metres; a phaco tip has 5e-4"};
 
 TetMesh read_body_mesh(const YamlMap& yaml, const std::filesystem::path& file) {
-  if (!std::filesystem::is_regular_file(file)) throw yaml.error("mesh", "no such file: " + file.string());
+  if (!is_file(file)) throw yaml.error("mesh", "no such file: " + file.string());
   TetMesh mesh = read_mesh_file(file);
   if (yaml.has("mesh_unit")) {
     const double metres = metres_of_unit(yaml.choice("mesh_unit", mesh_units));

@@ -153,6 +153,8 @@ TEST_F(SceneReader, ValuesOutOfRange) {
 
 TEST_F(SceneReader, MissingThings) {
   expect_fault("mesh: tiny_41_ascii.msh", "mesh: none.msh", "bodies[0].mesh", "no such file");
+  expect_fault("mesh: tiny_41_ascii.msh", "mesh: " + std::string(5000, 'n') + ".msh", "bodies[0].mesh",
+               "no such file");
   expect_fault("device: touch", "device: tuch", "device", "did you mean 'touch'?");
   expect_fault("trajectory: move.csv", "trajectory: none.csv", "trajectory", "no such file");
   expect_fault("trajectory: move.csv", "trajectory: " + std::string(5000, 'n') + ".csv", "trajectory",
