@@ -123,6 +123,15 @@ class Compliance {
 [[nodiscard]] std::unique_ptr<Compliance> make_compliance(ComplianceMethod method, const TissueModel& model,
                                                           double h, const ComplianceOptions& options = {});
 
+// … of what is simulated of a body whose rest is condensed (near_compliance.h), and goes with the compliance.
+// zone: by the submodel's numbers; with any, a method that keeps a reference factor has one of the submodel's
+// state and that zone.
+struct Submodel;
+[[nodiscard]] std::unique_ptr<Compliance> make_compliance(ComplianceMethod method,
+                                                          std::unique_ptr<Submodel> near, double h,
+                                                          const ComplianceOptions& options = {},
+                                                          std::span<const int> zone = {});
+
 // A refactorisation each step: the model of accuracy. Of a linear body only where elements went or the zone
 // moved.
 [[nodiscard]] std::unique_ptr<Compliance> make_exact_compliance(const TissueModel& model, double h,

@@ -1,10 +1,11 @@
 #include "physics/compliance/condense_far.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
-#include "physics/compliance/compliance.h"
+#include "physics/compliance/factor/multifrontal_factor.h"
+#include "physics/compliance/submodel.h"
 #include "physics/tissue/fragments.h"
 
 namespace hapticd {
@@ -14,14 +15,10 @@ constexpr int least_held = 3;  // nodes that hold a part still
 
 // Per tetrahedron.
 std::vector<std::uint8_t> far_tets(const TissueModel& model, const TissueState& state,
-                                   const NearRegion& near) {
+                                   std::span<const std::uint8_t> near) {
   TissueState far;
   far.alive.assign(state.alive.size(), 0);
-  for (int t = 0; t < model.tets_in_use; ++t) {
-    Vec3 centroid = Vec3::Zero();
-    for (const int n : model.mesh.tets[t]) centroid += 0.25 * model.mesh.nodes[n];
-    far.alive[t] = (centroid - near.centre).norm() > near.radius;
-  }
+  for (int t = 0; t < model.tets_in_use; ++t) far.alive[t] = state.alive[t] && !near[t];
   const std::vector<int> part = label_fragments(model, far);
   std::vector<std::vector<int>> held;
   for (int t = 0; t < model.tets_in_use; ++t) {
@@ -39,36 +36,51 @@ std::vector<std::uint8_t> far_tets(const TissueModel& model, const TissueState& 
   return far.alive;
 }
 
-// The far tissue alone.
+std::vector<int> nodes_where(std::span<const std::uint8_t> holds) {
+  std::vector<int> nodes;
+  for (std::size_t n = 0; n < holds.size(); ++n)
+    if (holds[n]) nodes.push_back(static_cast<int>(n));
+  return nodes;
+}
+
+// The far tissue, and what is condensed already, alone.
 class Far {
  public:
-  Far(const TissueModel& model, const TissueState& state, const CondensedTissue& of)
-      : model_(model), of_(of), state_(state) {
-    model_.dynamic = model_.corotational = false;
-    state_.alive = of.tet;
-    refresh_mass(model_, state_);
-    compliance_ = make_exact_compliance(model_, 1);
-    compliance_->move_zone(of.node);
-    compliance_->update(state_);
+  Far(const TissueModel& model, const TissueState& state, std::vector<int> nodes,
+      std::span<const int> boundary, std::span<const std::uint8_t> far)
+      : part_(linear(model), std::move(nodes), nodes_where(far), model.condensed.get()),
+        size_(3 * static_cast<Eigen::Index>(boundary.size())) {
+    for (std::size_t k = 0; k < part_.tet.size(); ++k) part_.state.left[k] = state.left[part_.tet[k]];
+    refresh_mass(part_.model, part_.state);
+    boundary_ = part_.nodes_of(boundary);
+    const NodeGraph graph = node_graph(part_.model);
+    SystemMatrix matrix(part_.model, graph, 1);
+    factor_.set_order(matrix, zone_last_order(graph, fill_reducing_order(graph), boundary_), {},
+                      static_cast<int>(boundary_.size()));
+    matrix.assemble(part_.state);
+    factor_.factor(matrix);
   }
 
   MatX stiffness() const {
-    const auto size = 3 * static_cast<Eigen::Index>(of_.node.size());
-    MatX C(size, size);
-    compliance_->patch(of_.node, C);
-    MatX K = MatX::Identity(size, size);
-    C.selfadjointView<Eigen::Lower>().llt().solveInPlace(K);
-    return 0.5 * (K + K.transpose());
+    MatX L;
+    factor_.trailing_corner(static_cast<int>(boundary_.size()), L);
+    const MatX K = L.triangularView<Eigen::Lower>() * L.transpose();
+    const int first = part_.model.node_count() - static_cast<int>(boundary_.size());
+    std::vector<int> at;
+    for (const int n : boundary_)
+      for (int r = 0; r < 3; ++r) at.push_back(3 * (factor_.place(n) - first) + r);
+    MatX ordered = K(at, at);
+    return 0.5 * (ordered + ordered.transpose());
   }
 
   // Rows' sums of Ψᵀ M Ψ, the mean of the three directions.
-  std::vector<double> mass(const MatX& K) const {
-    std::vector<double> mass(of_.node.size(), 0.0);
+  std::vector<double> mass(const MatX& K) {
+    std::vector<double> mass(boundary_.size(), 0.0);
     for (int c = 0; c < 3; ++c) {
-      VecX e = VecX::Zero(K.rows());
-      for (Eigen::Index i = c; i < e.size(); i += 3) e[i] = 1;
+      VecX e = VecX::Zero(size_);
+      for (Eigen::Index i = c; i < size_; i += 3) e[i] = 1;
       VecX g = solve(spread(K * e));
-      for (int n = 0; n < model_.node_count(); ++n) g.segment<3>(3 * n) *= state_.mass[n];
+      for (int n = 0; n < part_.model.node_count(); ++n) g.segment<3>(3 * n) *= part_.state.mass[n];
       const VecX of_b = K * at_boundary(solve(g));
       for (std::size_t i = 0; i < mass.size(); ++i) mass[i] += of_b[3 * static_cast<Eigen::Index>(i) + c] / 3;
     }
@@ -77,79 +89,116 @@ class Far {
   }
 
   // Ψᵀ (f_ext + f_int) at rest.
-  VecX load(const MatX& K) const {
-    VecX f(3 * model_.node_count()), inner(f.size());
-    external_forces(model_, state_, f);
-    internal_forces(model_, state_, inner);
+  VecX load(const MatX& K) {
+    VecX f(3 * part_.model.node_count()), inner(f.size());
+    external_forces(part_.model, part_.state, f);
+    internal_forces(part_.model, part_.state, inner);
     return K * at_boundary(solve(f + inner));
   }
 
  private:
-  VecX solve(const VecX& f) const {
+  static TissueModel linear(const TissueModel& model) {
+    TissueModel of = model;
+    of.dynamic = of.corotational = false;
+    return of;
+  }
+  VecX solve(const VecX& f) {
+    Eigen::Map<VecX> x = factor_.vector();
+    const TissueModel& m = part_.model;
+    const auto is_free = [&](int n) { return !m.fixed[n] && part_.state.live_tets_of_node[n] > 0; };
+    for (int n = 0; n < m.node_count(); ++n)
+      x.segment<3>(3 * factor_.place(n)) = is_free(n) ? Vec3(f.segment<3>(3 * n)) : Vec3(Vec3::Zero());
+    factor_.solve();
     VecX y(f.size());
-    compliance_->apply(f, y);
+    for (int n = 0; n < m.node_count(); ++n)
+      y.segment<3>(3 * n) = is_free(n) ? Vec3(x.segment<3>(3 * factor_.place(n))) : Vec3(Vec3::Zero());
     return y;
   }
   VecX spread(const VecX& of_b) const {
-    VecX all = VecX::Zero(3 * model_.node_count());
-    for (std::size_t i = 0; i < of_.node.size(); ++i)
-      all.segment<3>(3 * of_.node[i]) = of_b.segment<3>(3 * static_cast<Eigen::Index>(i));
+    VecX all = VecX::Zero(3 * part_.model.node_count());
+    for (std::size_t i = 0; i < boundary_.size(); ++i)
+      all.segment<3>(3 * boundary_[i]) = of_b.segment<3>(3 * static_cast<Eigen::Index>(i));
     return all;
   }
   VecX at_boundary(const VecX& all) const {
-    VecX of_b(3 * static_cast<Eigen::Index>(of_.node.size()));
-    for (std::size_t i = 0; i < of_.node.size(); ++i)
-      of_b.segment<3>(3 * static_cast<Eigen::Index>(i)) = all.segment<3>(3 * of_.node[i]);
+    VecX of_b(size_);
+    for (std::size_t i = 0; i < boundary_.size(); ++i)
+      of_b.segment<3>(3 * static_cast<Eigen::Index>(i)) = all.segment<3>(3 * boundary_[i]);
     return of_b;
   }
 
-  TissueModel model_;
-  const CondensedTissue& of_;
-  TissueState state_;
-  std::unique_ptr<Compliance> compliance_;
+  Submodel part_;
+  Eigen::Index size_;
+  std::vector<int> boundary_;  // of the part
+  MultifrontalFactor factor_;
 };
 
 }  // namespace
 
-void condense_far(TissueModel& model, TissueState& state, const NearRegion& near) {
+std::vector<std::uint8_t> tets_within(const TissueModel& model, const NearRegion& near) {
+  std::vector<std::uint8_t> within(model.mesh.tets.size(), 0);
+  for (int t = 0; t < model.tets_in_use; ++t) {
+    Vec3 centroid = Vec3::Zero();
+    for (const int n : model.mesh.tets[t]) centroid += 0.25 * model.mesh.nodes[n];
+    within[t] = (centroid - near.centre).norm() <= near.radius;
+  }
+  return within;
+}
+
+std::shared_ptr<const CondensedTissue> condense(const TissueModel& model, const TissueState& state,
+                                                std::span<const std::uint8_t> near) {
   auto of = std::make_shared<CondensedTissue>();
   of->tet = far_tets(model, state, near);
-  const auto tets = model.tets_in_use, far = static_cast<int>(std::count(of->tet.begin(), of->tet.end(), 1));
-  if (far == 0) return;
-  if (far == tets) throw std::invalid_argument("nothing of the body is within the near region");
-
-  std::vector<std::uint8_t> in_near(model.node_count(), 0), in_far(model.node_count(), 0);
-  for (int t = 0; t < tets; ++t)
-    for (const int n : model.mesh.tets[t]) (of->tet[t] ? in_far : in_near)[n] = 1;
-  for (int t = 0; t < tets; ++t)
-    if (!of->tet[t]) of->near_tet.push_back(t);
-  for (int n = 0; n < model.node_count(); ++n)
-    if (in_near[n]) of->near_node.push_back(n);
-  of->place.assign(model.node_count(), -1);
-  for (int n = 0; n < model.node_count(); ++n) {
-    if (!in_near[n] || !in_far[n] || model.fixed[n]) continue;
+  std::vector<std::uint8_t> in_near(model.mesh.nodes.size(), 0), in_far(model.mesh.nodes.size(), 0);
+  bool any_far = false;
+  for (int t = 0; t < model.tets_in_use; ++t) {
+    if (!state.alive[t]) continue;
+    const bool far = of->tet[t] != 0;
+    any_far = any_far || far;
+    if (!far) of->near_tet.push_back(t);
+    for (const int n : model.mesh.tets[t]) (far ? in_far : in_near)[n] = 1;
+  }
+  if (!any_far) return nullptr;
+  if (of->near_tet.empty()) throw std::invalid_argument("nothing of the body is within the near region");
+  of->near_node = nodes_where(in_near);
+  if (model.condensed)
+    for (const int n : model.condensed->node) in_far[n] = 1;
+  of->place.assign(model.mesh.nodes.size(), -1);
+  for (const int n : of->near_node) {
+    if (!in_far[n] || model.fixed[n]) continue;
     of->place[n] = static_cast<int>(of->node.size());
     of->node.push_back(n);
     of->rest.push_back(model.mesh.nodes[n]);
   }
-  {
-    const Far alone(model, state, *of);
-    of->stiffness = alone.stiffness();
-    of->mass = alone.mass(of->stiffness);
-    of->load = alone.load(of->stiffness);
-  }
+  Far alone(model, state, nodes_where(in_far), of->node, of->tet);
+  const auto K = std::make_shared<const MatX>(alone.stiffness());
+  of->stiffness = K;
+  of->mass = alone.mass(*K);
+  of->load = alone.load(*K);
   for (std::size_t i = 0; i < of->node.size(); ++i)
     of->load.segment<3>(3 * static_cast<Eigen::Index>(i)) -= of->mass[i] * model.gravity;
+  return of;
+}
 
-  for (int n = 0; n < model.nodes_in_use; ++n)
-    if (in_far[n] && !in_near[n]) model.fixed[n] = 1;
-  for (int t = 0; t < tets; ++t)
-    if (of->tet[t]) state.alive[t] = 0;
+void use_condensed(TissueModel& model, TissueState& state, std::shared_ptr<const CondensedTissue> far) {
+  std::vector<std::uint8_t> near(model.mesh.nodes.size(), 0);
+  for (const int n : far->near_node) near[n] = 1;
+  for (int t = 0; t < model.tets_in_use; ++t) {
+    if (!far->tet[t]) continue;
+    state.alive[t] = 0;
+    for (const int n : model.mesh.tets[t])
+      if (!near[n]) model.fixed[n] = 1;
+  }
   // A spring of the boundary is in K̂ already; those beyond hold nothing that is alive.
-  for (const int n : of->node)
+  for (const int n : far->node)
     if (!model.springs.empty()) model.springs[n] = {};
-  model.condensed = std::move(of);
+  model.condensed = std::move(far);
   refresh_mass(model, state);
+}
+
+void condense_far(TissueModel& model, TissueState& state, const NearRegion& near) {
+  if (auto far = condense(model, state, tets_within(model, near)))
+    use_condensed(model, state, std::move(far));
 }
 
 }  // namespace hapticd

@@ -1,14 +1,17 @@
 // Condenses what of a body is far from a place to its boundary (tissue/condensed_tissue.h).
 //
-//   far: tetrahedra whose centroid at rest is farther from `centre` than `radius`, in parts that faces join and
-//   that hold on to the world by three nodes or more; the others stay near
-//   C_bb of the far tissue alone, static and linear, is K̂⁻¹;   Ψ e = y of K y = K̂ e on b,   Ψᵀ g = K̂ (C g)_b
+//   far: tetrahedra in parts that faces join and that hold on to the world by three nodes or more; the others
+//   stay near.   K of the far tissue alone, static and linear, and of what is condensed already:
+//   P K Pᵀ = L Lᵀ, b last:   K̂ = L_bb L_bbᵀ;   Ψ e = y of K y = K̂ e on b,   Ψᵀ g = K̂ (K⁻¹ g)_b
 //
-// Pre: the state is at rest, and nothing was removed or cut. Post: the model has it (TissueModel::condensed),
-// nodes beyond the boundary are fixed, far tetrahedra are dead. Nothing changes where nothing is far. Units:
-// m. Errors: std::invalid_argument where nothing is near; std::runtime_error from the far tissue's factor.
-// Cost: that factor, seven solves with it, and a dense inverse of the boundary's size. Source: Guyan 1965.
+// The body may be condensed already: then that is farther still, and the shell between joins it. Units: m.
+// Errors: std::invalid_argument where nothing is near; std::runtime_error from the far tissue's factor. Cost:
+// that factor, seven solves with it, and a dense product of the boundary's size. Source: Guyan 1965.
 #pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
 
 #include "physics/tissue/tissue.h"
 
@@ -19,6 +22,20 @@ struct NearRegion {
   double radius = 0;           // [m]
 };
 
+// near: per tetrahedron. Null: nothing is far that was not before. Pre: the state's shape is at rest. What is
+// dead in it is neither near nor far.
+[[nodiscard]] std::shared_ptr<const CondensedTissue> condense(const TissueModel& model,
+                                                              const TissueState& state,
+                                                              std::span<const std::uint8_t> near);
+
+// Tetrahedra whose centroid at rest is within the region.
+[[nodiscard]] std::vector<std::uint8_t> tets_within(const TissueModel& model, const NearRegion& near);
+
+// Post: the model, of which nothing was condensed, has it (TissueModel::condensed); nodes beyond the boundary
+// are fixed, far tetrahedra are dead.
+void use_condensed(TissueModel& model, TissueState& state, std::shared_ptr<const CondensedTissue> far);
+
+// All three. Nothing changes where nothing is far. Pre: nothing was removed or cut.
 void condense_far(TissueModel& model, TissueState& state, const NearRegion& near);
 
 }  // namespace hapticd

@@ -4,6 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "physics/simulation/region/body_regions.h"
+
 namespace hapticd {
 namespace {
 
@@ -83,7 +85,9 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
     throw std::invalid_argument(name +
                                 ": a static body cannot be removable: pieces cut loose need their mass");
   if (!deformable) return;
-  if (settings.near && !settings.start) condense_far(model, state, *settings.near);
+  if (settings.near && !settings.start) regions = begin_regions(model, *settings.near);
+  if (regions) use_condensed(model, state, regions->in_use);
+  if (settings.start) regions = settings.start->regions;
   compliance = make_compliance(method, model, h, options);
   references = as_reference_compliance(compliance.get());
   free.dx = VecX::Zero(3 * model.node_count());
@@ -93,6 +97,15 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
 
 std::shared_ptr<const BodyStart> start_of(const Body& body) {
   return std::make_shared<const BodyStart>(BodyStart{body.model, body.state, body.surface});
+}
+
+std::shared_ptr<const BodyStart> first_start_of(const Body& body) {
+  if (!body.regions) return nullptr;
+  auto start = std::make_shared<BodyStart>(BodyStart{*body.regions->whole, rest_state(*body.regions->whole),
+                                                     BoundarySurface(body.model.mesh),
+                                                     as_at_first(*body.regions)});
+  use_condensed(start->model, start->state, start->regions->in_use);
+  return start;
 }
 
 bool at_rest(const Body& body) {

@@ -23,12 +23,15 @@
 
 namespace hapticd {
 
+struct BodyRegions;
+
 // A deformable body as it stands between two steps, for another world to begin from: removed and torn as it
 // is, and moving. What contact, fronts of cuts and factors remember is not in it.
 struct BodyStart {
   TissueModel model;
   TissueState state;
   BoundarySurface surface;
+  std::shared_ptr<BodyRegions> regions = {};  // null: its near region, if it has one, stays where it is
 };
 
 struct BodySettings {
@@ -70,8 +73,9 @@ struct Body {
   TearSettings tearing;
   TissueModel model;  // of a rigid body: the mesh only
   const std::vector<Vec3>& rest() const { return model.mesh.nodes; }
-  double edge = 0;         // mean length of the tetrahedra's edges at rest [m]
-  double mean_volume = 0;  // … of their volumes, of the first mesh [m³]
+  std::shared_ptr<BodyRegions> regions;  // null: all is simulated, or always the same (region/body_regions.h)
+  double edge = 0;                       // mean length of the tetrahedra's edges at rest [m]
+  double mean_volume = 0;                // … of their volumes, of the first mesh [m³]
   PartTimes* times = nullptr;
 
   // State.
@@ -96,6 +100,9 @@ struct Body {
 };
 
 std::shared_ptr<const BodyStart> start_of(const Body& body);
+
+// As it was at first, with what was condensed of it since; null of a body of which nothing is.
+std::shared_ptr<const BodyStart> first_start_of(const Body& body);
 
 // The compliance refers to its body's model, so bodies never move.
 using Bodies = std::deque<Body>;

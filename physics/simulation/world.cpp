@@ -39,6 +39,7 @@ World::World(std::vector<BodySettings> bodies, std::vector<Instrument> instrumen
       collision_(instruments_, settings.alarm_distance),
       removal_(settings.removal, settings.h, bodies.size()),
       factors_(settings, bodies.size()),
+      regions_(bodies.size()),
       contact_(settings.sample_spacing),
       body_contact_(settings),
       prediction_(settings),
@@ -80,7 +81,11 @@ StepBegin World::begin_step(const InstrumentSamples& samples, CondensedProblem* 
 }
 
 void World::factor_step() {
-  report_.references_adopted = factors_.references.take_over(bodies_);
+  const std::vector<int> entered = regions_.take_over(bodies_);
+  for (const int b : entered) factors_.references.forget(b);
+  surfaces_changed(entered);
+  report_.regions_entered = static_cast<int>(entered.size());
+  report_.references_adopted = factors_.references.take_over(bodies_) + report_.regions_entered;
   removal_.tell_compliances(bodies_);
   cutting_.tell_compliances(bodies_);
   body_contact_.find(bodies_);
@@ -155,6 +160,7 @@ void World::remove(const InstrumentSamples& samples, StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
   const Removed removed = removal_.remove(bodies_, instruments_, samples, poses_in(samples, removal_lead));
   surfaces_changed(removed.bodies);
+  regions_.follow(bodies_, removal_.gone());
   cutting_.follow(bodies_, removed.bodies);
   report.removed = removed.tets;
   report.fragments_aspirated = removed.fragments_aspirated;
@@ -278,6 +284,19 @@ void World::put_to_sleep() {
       if (!still[c] && contacts().touching(static_cast<int>(b), static_cast<int>(c)))
         bodies_[b].asleep = false;
   }
+}
+
+std::vector<ReferenceJob> World::wanted_references() {
+  std::vector<ReferenceJob> jobs = factors_.references.wanted(bodies_);
+  regions_.wanted(context_, jobs);
+  return jobs;
+}
+
+void World::adopt(ReferenceJob job) {
+  if (job.kind == JobKind::reference)
+    factors_.references.adopt(std::move(job));
+  else
+    regions_.adopt(std::move(job));
 }
 
 bool World::refresh(const InstrumentSamples& samples, CondensedProblem& problem) {

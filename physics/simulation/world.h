@@ -24,6 +24,7 @@
 #include "physics/simulation/body_contact/body_contact_stage.h"
 #include "physics/simulation/body_contact/collision.h"
 #include "physics/simulation/cutting/cutting_stage.h"
+#include "physics/simulation/region/region_stage.h"
 #include "physics/simulation/step/instrument_contact.h"
 #include "physics/simulation/step/interim_problem.h"
 #include "physics/simulation/step/prediction.h"
@@ -70,8 +71,9 @@ class World {
   // Between steps: new reference factors to be made elsewhere, at most one at a time for a body; and back. A
   // body whose reference factor never comes stays right in its zone, and its report says how stale the rest
   // has become.
-  std::vector<ReferenceJob> wanted_references() { return factors_.references.wanted(bodies_); }
-  void adopt(ReferenceJob job) { factors_.references.adopt(std::move(job)); }
+  // Where a near region follows the instrument, its jobs too.
+  std::vector<ReferenceJob> wanted_references();
+  void adopt(ReferenceJob job);
 
   // The problem that the last step published, at another pose and with no contact of the bodies frozen: what
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
@@ -119,6 +121,7 @@ class World {
   RemovalStage removal_;
   CuttingStage cutting_;
   FactorStage factors_;
+  RegionStage regions_;
   InstrumentContact contact_;
   BodyContactStage body_contact_;
   Prediction prediction_;

@@ -25,18 +25,18 @@ void CondensedTissue::add(const VecX& of, Eigen::Ref<VecX> all) const {
 
 void CondensedTissue::add_forces(const TissueState& state, Eigen::Ref<VecX> f) const {
   const VecX u = moved(state);
-  add(-(stiffness.selfadjointView<Eigen::Lower>() * u), f);
+  add(-(stiffness->selfadjointView<Eigen::Lower>() * u), f);
 }
 
 void CondensedTissue::subtract_stiffness(const VecX& dx, double s, Eigen::Ref<VecX> f) const {
   const VecX u = of_boundary(dx);
-  add(-s * (stiffness.selfadjointView<Eigen::Lower>() * u), f);
+  add(-s * (stiffness->selfadjointView<Eigen::Lower>() * u), f);
 }
 
 VecX CondensedTissue::energies(const TissueState& state, const VecX* dx) const {
   VecX u = moved(state);
   if (dx) u += of_boundary(*dx);
-  const VecX force = stiffness.selfadjointView<Eigen::Lower>() * u;
+  const VecX force = stiffness->selfadjointView<Eigen::Lower>() * u;
   VecX energy(static_cast<Eigen::Index>(node.size()));
   for (Eigen::Index i = 0; i < energy.size(); ++i)
     energy[i] = 0.5 * u.segment<3>(3 * i).dot(force.segment<3>(3 * i));

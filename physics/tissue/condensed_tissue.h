@@ -26,12 +26,12 @@ struct CondensedTissue {
   std::vector<std::uint8_t> tet;  // per tetrahedron: it is condensed
   std::vector<int> near_node, near_tet;  // what is simulated, ascending; nodes: fixed ones too
   std::vector<Vec3> rest;         // X_b [m]
-  MatX stiffness;                 // K̂ [N/m]
+  std::shared_ptr<const MatX> stiffness;  // K̂ [N/m], symmetric; numberings share it
   std::vector<double> mass;       // [kg]
   VecX load;                      // [N]
 
   int place_of(int n) const noexcept { return n < static_cast<int>(place.size()) ? place[n] : -1; }
-  auto block(int i, int j) const noexcept { return stiffness.block<3, 3>(3 * i, 3 * j); }
+  auto block(int i, int j) const noexcept { return stiffness->block<3, 3>(3 * i, 3 * j); }
 
   // f −= K̂ (x_b − X_b), entries of all nodes; f −= s K̂ dx_b.
   void add_forces(const TissueState& state, Eigen::Ref<VecX> f) const;

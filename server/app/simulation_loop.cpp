@@ -34,6 +34,10 @@ SimulationLoop::~SimulationLoop() { stop(); }
 void SimulationLoop::start(std::function<void()> on_thread) {
   stopping_ = false;
   references_.start([] { name_thread("references"); });
+  far_tissue_.start([] {
+    name_thread("far tissue");
+    use_nice(far_tissue_nice);
+  });
   thread_ = std::thread([this, on_thread = std::move(on_thread)] {
     name_thread("simulation");
     if (on_thread) on_thread();
@@ -50,6 +54,7 @@ void SimulationLoop::stop() noexcept {
   stopping_ = true;
   if (thread_.joinable()) thread_.join();
   references_.stop();
+  far_tissue_.stop();
 }
 
 void SimulationLoop::run() {
@@ -100,9 +105,10 @@ InstrumentSamples SimulationLoop::latch() {
 
 std::optional<ReferenceJob> SimulationLoop::finished_reference() {
   std::optional<ReferenceJob> job = references_.take();
+  if (!job) job = far_tissue_.take();
   if (!job) return job;
   if (job->failed) statistics_.references_failed.fetch_add(1, std::memory_order_relaxed);
-  record({.adopted = true, .failed = job->failed, .body = job->body});
+  record({.adopted = true, .failed = job->failed, .kind = job->kind, .body = job->body});
   return job;
 }
 

@@ -33,11 +33,11 @@ struct SimulationStatistics {
   Histogram refresh;  // from the latch of a problem made again to its publication
   std::atomic<std::uint64_t> late_removals{0};  // steps that removed something and had none
   std::atomic<std::uint64_t> steps{0};
-  std::atomic<std::uint64_t> overruns{0};    // grid points left out
-  std::atomic<std::uint64_t> removed{0};     // tetrahedra
-  std::atomic<std::uint64_t> aspirated{0};   // fragments
-  std::atomic<std::uint64_t> cut_steps{0};   // in which blades cut or faces tore
-  std::atomic<bool> out_of_room{false};      // a cut found none left: nothing is cut any more
+  std::atomic<std::uint64_t> overruns{0};         // grid points left out
+  std::atomic<std::uint64_t> removed{0};          // tetrahedra
+  std::atomic<std::uint64_t> aspirated{0};        // fragments
+  std::atomic<std::uint64_t> cut_steps{0};        // in which blades cut or faces tore
+  std::atomic<bool> out_of_room{false};           // a cut found none left: nothing is cut any more
   std::atomic<std::uint64_t> condensed_steps{0};  // in which an instrument reached condensed tissue
   std::atomic<std::uint64_t> references{0};       // adopted
   std::atomic<std::uint64_t> references_failed{0};
@@ -76,8 +76,8 @@ class SimulationLoop final : private StepHost {
   // queue must outlive the loop.
   void record_into(SpscQueue<StepRecord>& records) noexcept { records_ = &records; }
 
-  // Each publication is copied there too, for a haptic half in another process. Before start; the channel must
-  // outlive the loop.
+  // Each publication is copied there too, for a haptic half in another process. Before start; the channel
+  // must outlive the loop.
   void share_into(Channel<CondensedProblem>& copies) noexcept { copies_ = &copies; }
 
   // on_thread runs on the new thread before its first step: the place for affinity. The thread that makes
@@ -110,7 +110,9 @@ class SimulationLoop final : private StepHost {
   CondensedProblem& problem() override { return problems_.back(); }
   void publish(StepAction as) override;
   std::optional<ReferenceJob> finished_reference() override;
-  void make_reference(ReferenceJob job) override { references_.give(std::move(job)); }
+  void make_reference(ReferenceJob job) override {
+    (job.kind == JobKind::far_tissue ? far_tissue_ : references_).give(std::move(job));
+  }
 
   void publish_snapshots(std::int64_t step_ns, const StepReport& report);
   void show_bodies(const StepReport& report, SceneSnapshot& snapshot);
@@ -123,11 +125,11 @@ class SimulationLoop final : private StepHost {
   std::vector<Channel<SceneSnapshot>*> snapshots_;
   SimulationStatistics statistics_;
   Operation operation_;
-  std::int64_t followed_ns_ = 0;  // intended time of the last step that it followed
+  std::int64_t followed_ns_ = 0;                    // intended time of the last step that it followed
   std::array<std::int64_t, step_parts> part_ns_{};  // summed
-  ReferenceMaker references_;
-  PlannedAction now_;          // that is being performed
-  std::int64_t begun_ns_ = 0;  // of the step or the refresh under way
+  ReferenceMaker references_, far_tissue_;  // what is far from a region takes longer, and nobody waits for it
+  PlannedAction now_;                       // that is being performed
+  std::int64_t begun_ns_ = 0;               // of the step or the refresh under way
   SpscQueue<StepRecord>* records_ = nullptr;
   Channel<CondensedProblem>* copies_ = nullptr;
   std::atomic<std::int64_t> hold_ns_{0};

@@ -36,9 +36,7 @@ std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times, const W
   if (!before) return make_world(scene, settings);
   Scene again = scene;
   for (std::size_t b = 0; b < again.bodies.size(); ++b)
-    if (const TissueModel& model = before->bodies()[b].model; model.condensed)
-      again.bodies[b].start =
-          std::make_shared<const BodyStart>(BodyStart{model, rest_state(model), BoundarySurface(model.mesh)});
+    if (before->bodies()[b].regions) again.bodies[b].start = first_start_of(before->bodies()[b]);
   return make_world(again, settings);
 }
 

@@ -30,6 +30,9 @@ inline constexpr int dds_priority = 45;
 // each step then pays for what its factor does not cover.
 inline constexpr int simulation_nice = -10;
 
+// What is far from regions that an instrument may come to: after all that a step waits for.
+inline constexpr int far_tissue_nice = 5;
+
 // Whether this process may use SCHED_FIFO up to that priority, tried on a thread that ends at once.
 bool realtime_allowed(int priority = haptic_priority);
 

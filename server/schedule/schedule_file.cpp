@@ -15,7 +15,7 @@ namespace {
 using nlohmann::json;
 
 constexpr char magic[8] = {'H', 'A', 'P', 'T', 'I', 'C', 'S', 'C'};
-constexpr std::uint32_t version = 3, byte_order = 0x01020304;
+constexpr std::uint32_t version = 4, byte_order = 0x01020304;
 constexpr std::uint32_t longest_header = 1 << 20;
 constexpr std::size_t buffered = 1 << 16;
 enum class Kind : char { tick = 'T', step = 'S', end = 'E' };
@@ -65,6 +65,7 @@ void fields(Stream& s, StepRecord& r) {
   s.put(r.action);
   s.put(r.adopted);
   s.put(r.failed);
+  s.put(r.kind);
   s.put(r.body);
   s.put(r.asked_ns);
   s.put(r.step_ns);

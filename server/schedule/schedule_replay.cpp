@@ -96,8 +96,9 @@ class Simulation final : private StepHost {
   std::optional<ReferenceJob> finished_reference() override {
     if (next_ == steps_.size() || !steps_[next_].adopted) return std::nullopt;
     const StepRecord& record = steps_[next_++];
-    const auto job = std::find_if(making_.begin(), making_.end(),
-                                  [&](const ReferenceJob& j) { return j.body == record.body; });
+    const auto job = std::find_if(making_.begin(), making_.end(), [&](const ReferenceJob& j) {
+      return j.body == record.body && j.kind == record.kind;
+    });
     require(job != making_.end(), "a reference factor that nobody asked for");
     ReferenceJob made = std::move(*job);
     making_.erase(job);

@@ -9,9 +9,10 @@ namespace hapticd {
 struct StepRecord {
   StepAction action = StepAction::begin;
   bool adopted = false;
-  bool failed = false;        // adopted: it could not be made
-  std::int32_t body = 0;      // adopted: whose
-  std::int64_t asked_ns = 0;  // PlannedAction's, as the next
+  bool failed = false;                // adopted: it could not be made
+  JobKind kind = JobKind::reference;  // adopted: what
+  std::int32_t body = 0;              // … and whose
+  std::int64_t asked_ns = 0;          // PlannedAction's, as the next
   std::int64_t step_ns = 0;
   InstrumentSamples samples = {};  // begin, finish, refresh: that were latched
   std::uint64_t problem = 0;       // publish…: its number

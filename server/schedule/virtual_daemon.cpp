@@ -184,9 +184,11 @@ void VirtualDaemon::publish(StepAction) {
 }
 
 std::optional<ReferenceJob> VirtualDaemon::finished_reference() {
-  if (references_.empty() || references_.front().ready_ns > free_ns_) return std::nullopt;
-  ReferenceJob job = std::move(references_.front().job);
-  references_.pop_front();
+  const auto ready = std::find_if(references_.begin(), references_.end(),
+                                  [&](const Reference& r) { return r.ready_ns <= free_ns_; });
+  if (ready == references_.end()) return std::nullopt;
+  ReferenceJob job = std::move(ready->job);
+  references_.erase(ready);
   return job;
 }
 
@@ -200,7 +202,8 @@ void VirtualDaemon::make_reference(ReferenceJob job) {
   } catch (const std::runtime_error&) {
     job.failed = true;
   }
-  references_.push_back({begun_ns_ + timing_.reference, std::move(job)});
+  const std::int64_t takes = job.kind == JobKind::far_tissue ? timing_.far_tissue : timing_.reference;
+  references_.push_back({begun_ns_ + takes, std::move(job)});
 }
 
 Pose to_device(const DeviceSettings& d, const Pose& X) {

@@ -32,6 +32,7 @@ struct VirtualTiming {
   std::int64_t publish = 10'000'000;       // its problem is; at most a period
   std::int64_t refresh = 2'000'000;        // a problem made again is published, after its pose
   std::int64_t reference = 40'000'000;  // a reference factor is ready, after the begin of the step that asked
+  std::int64_t far_tissue = 100'000'000;  // … what is far from a region
 };
 
 // The defaults; latch 6 ms where the world does not look ahead, because its factor comes first.

@@ -16,12 +16,18 @@ namespace hapticd {
 
 inline constexpr int rest_between_references = 2;  // steps
 
+// What a job is: a reference factor; or of a body whose near region follows an instrument
+// (region/region_stage.h), another region to be entered, or what is far from one. That last may take seconds
+// and is nothing that the next steps need.
+enum class JobKind : std::uint8_t { reference, entry, far_tissue };
+
 // A new reference factor that a body's compliance wants: `reference->make()` is to be called, on any thread,
 // and the job handed back to `World::adopt`, `failed` if that threw.
 struct ReferenceJob {
   int body = 0;
   std::unique_ptr<ReferenceFactor> reference;
   bool failed = false;
+  JobKind kind = JobKind::reference;
 };
 
 // Of one body.
@@ -46,6 +52,9 @@ class ReferenceScheduling {
 
   // At the end of a step, of an awake body.
   void end_step(int body, bool wants_reference);
+
+  // Another compliance has taken the place of the one that asked.
+  void forget(int body) { progress_[body].outdated = progress_[body].under_way; }
 
   void want(int body) { progress_[body].wanted = true; }
   void made_by_step(int body) { progress_[body].outdated = progress_[body].under_way; }

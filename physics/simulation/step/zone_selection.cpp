@@ -54,6 +54,12 @@ struct Nearness {
   std::vector<std::uint8_t> around;
 };
 
+template <class Visit>
+void each_candidate(const Body& body, const ZoneRequest& r, const Visit& visit) {
+  if (r.among.empty()) return body.model.each_node(visit);
+  for (const int n : r.among) visit(n);
+}
+
 // Instrument i on its way.
 void add_instrument(const Body& body, const ZoneRequest& r, int i, Nearness& near_by) {
   const Instrument& instrument = r.instruments[i];
@@ -83,7 +89,7 @@ void add_instrument(const Body& body, const ZoneRequest& r, int i, Nearness& nea
   const double farthest =
       std::max(zone_radius(body, r), near) + std::max(way, (pose_in(adopted).p - X.p).norm());
   std::vector<int> around;
-  body.model.each_node([&](int n) {
+  each_candidate(body, r, [&](int n) {
     if (!at_adopted.near(x[n], farthest)) return;
     around.push_back(n);
     near_by.around[n] = 1;
@@ -129,7 +135,7 @@ std::vector<ZoneNode> nodes_at_instruments(const Body& body, const ZoneRequest& 
   }
   const double reach = zone_radius(body, r);
   std::vector<ZoneNode> wanted;
-  body.model.each_node([&](int n) {
+  each_candidate(body, r, [&](int n) {
     // Of nodes alike near, those of the surface come first: they are what patches are made of.
     if (near_by.around[n] && (near_by.gap[n] < reach || (r.made_elsewhere && needed[n])))
       wanted.push_back({near_by.gap[n] + (on_surface[n] ? 0 : body.edge), n, needed[n] != 0, near_by.of[n]});

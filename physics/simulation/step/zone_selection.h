@@ -23,6 +23,7 @@ struct ZoneRequest {
   std::span<const int> first;          // of the zone, and nearest
   std::span<const int> needed;         // it has to cover these
   std::span<const int> contact_nodes;  // and those that may meet other bodies
+  std::span<const int> among = {};     // only of these; empty: of all that are simulated
 };
 
 struct Zone {

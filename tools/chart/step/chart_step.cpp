@@ -187,7 +187,7 @@ class StepRun {
     point_.memory_mb = 1e-6 * static_cast<double>(lens.compliance->report().memory_bytes);
     if (const CondensedTissue* far = lens.model.condensed.get()) {
       point_.boundary = static_cast<int>(far->node.size());
-      point_.memory_mb += 1e-6 * sizeof(double) * static_cast<double>(far->stiffness.size());
+      point_.memory_mb += 1e-6 * sizeof(double) * static_cast<double>(far->stiffness->size());
     }
     point_.model = case_.corotational ? "corotational" : "linear";
     point_.compliance = name_of(case_.method);
