@@ -49,51 +49,59 @@ class Far {
   Far(const TissueModel& model, const TissueState& state, std::vector<int> nodes,
       std::span<const int> boundary, std::span<const std::uint8_t> far)
       : part_(linear(model), std::move(nodes), nodes_where(far), model.condensed.get()),
-        size_(3 * static_cast<Eigen::Index>(boundary.size())) {
+        boundary_(part_.nodes_of(boundary)),
+        first_(part_.model.node_count() - static_cast<int>(boundary_.size())) {
     for (std::size_t k = 0; k < part_.tet.size(); ++k) part_.state.left[k] = state.left[part_.tet[k]];
     refresh_mass(part_.model, part_.state);
-    boundary_ = part_.nodes_of(boundary);
     const NodeGraph graph = node_graph(part_.model);
     SystemMatrix matrix(part_.model, graph, 1);
     factor_.set_order(matrix, zone_last_order(graph, fill_reducing_order(graph), boundary_), {},
                       static_cast<int>(boundary_.size()));
     matrix.assemble(part_.state);
-    factor_.factor(matrix);
+    factor_.condense(matrix, static_cast<int>(boundary_.size()), S_);
   }
 
   MatX stiffness() const {
-    MatX L;
-    factor_.trailing_corner(static_cast<int>(boundary_.size()), L);
-    const MatX K = L.triangularView<Eigen::Lower>() * L.transpose();
-    const int first = part_.model.node_count() - static_cast<int>(boundary_.size());
     std::vector<int> at;
     for (const int n : boundary_)
-      for (int r = 0; r < 3; ++r) at.push_back(3 * (factor_.place(n) - first) + r);
-    MatX ordered = K(at, at);
-    return 0.5 * (ordered + ordered.transpose());
+      for (int r = 0; r < 3; ++r) at.push_back(3 * (factor_.place(n) - first_) + r);
+    return S_(at, at);
   }
 
   // Rows' sums of Ψᵀ M Ψ, the mean of the three directions.
-  std::vector<double> mass(const MatX& K) {
+  std::vector<double> mass() {
     std::vector<double> mass(boundary_.size(), 0.0);
     for (int c = 0; c < 3; ++c) {
-      VecX e = VecX::Zero(size_);
-      for (Eigen::Index i = c; i < size_; i += 3) e[i] = 1;
-      VecX g = solve(spread(K * e));
-      for (int n = 0; n < part_.model.node_count(); ++n) g.segment<3>(3 * n) *= part_.state.mass[n];
-      const VecX of_b = K * at_boundary(solve(g));
-      for (std::size_t i = 0; i < mass.size(); ++i) mass[i] += of_b[3 * static_cast<Eigen::Index>(i) + c] / 3;
+      Eigen::Map<VecX> x = factor_.vector();
+      x.setZero();
+      for (const int n : boundary_) x[3 * factor_.place(n) + c] = 1;
+      factor_.extend();
+      for (int n = 0; n < part_.model.node_count(); ++n)
+        x.segment<3>(3 * factor_.place(n)) *= part_.state.mass[n];
+      factor_.reduce();
+      for (std::size_t i = 0; i < mass.size(); ++i) mass[i] += x[3 * factor_.place(boundary_[i]) + c] / 3;
     }
     for (double& m : mass) m = std::max(m, 0.0);
     return mass;
   }
 
   // Ψᵀ (f_ext + f_int) at rest.
-  VecX load(const MatX& K) {
-    VecX f(3 * part_.model.node_count()), inner(f.size());
-    external_forces(part_.model, part_.state, f);
-    internal_forces(part_.model, part_.state, inner);
-    return K * at_boundary(solve(f + inner));
+  VecX load() {
+    const TissueModel& m = part_.model;
+    VecX f(3 * m.node_count()), inner(f.size());
+    external_forces(m, part_.state, f);
+    internal_forces(m, part_.state, inner);
+    f += inner;
+    Eigen::Map<VecX> x = factor_.vector();
+    for (int n = 0; n < m.node_count(); ++n) {
+      const bool is_free = !m.fixed[n] && part_.state.live_tets_of_node[n] > 0;
+      x.segment<3>(3 * factor_.place(n)) = is_free ? Vec3(f.segment<3>(3 * n)) : Vec3(Vec3::Zero());
+    }
+    factor_.reduce();
+    VecX of_b(3 * static_cast<Eigen::Index>(boundary_.size()));
+    for (std::size_t i = 0; i < boundary_.size(); ++i)
+      of_b.segment<3>(3 * static_cast<Eigen::Index>(i)) = x.segment<3>(3 * factor_.place(boundary_[i]));
+    return of_b;
   }
 
  private:
@@ -102,35 +110,12 @@ class Far {
     of.dynamic = of.corotational = false;
     return of;
   }
-  VecX solve(const VecX& f) {
-    Eigen::Map<VecX> x = factor_.vector();
-    const TissueModel& m = part_.model;
-    const auto is_free = [&](int n) { return !m.fixed[n] && part_.state.live_tets_of_node[n] > 0; };
-    for (int n = 0; n < m.node_count(); ++n)
-      x.segment<3>(3 * factor_.place(n)) = is_free(n) ? Vec3(f.segment<3>(3 * n)) : Vec3(Vec3::Zero());
-    factor_.solve();
-    VecX y(f.size());
-    for (int n = 0; n < m.node_count(); ++n)
-      y.segment<3>(3 * n) = is_free(n) ? Vec3(x.segment<3>(3 * factor_.place(n))) : Vec3(Vec3::Zero());
-    return y;
-  }
-  VecX spread(const VecX& of_b) const {
-    VecX all = VecX::Zero(3 * part_.model.node_count());
-    for (std::size_t i = 0; i < boundary_.size(); ++i)
-      all.segment<3>(3 * boundary_[i]) = of_b.segment<3>(3 * static_cast<Eigen::Index>(i));
-    return all;
-  }
-  VecX at_boundary(const VecX& all) const {
-    VecX of_b(size_);
-    for (std::size_t i = 0; i < boundary_.size(); ++i)
-      of_b.segment<3>(3 * static_cast<Eigen::Index>(i)) = all.segment<3>(3 * boundary_[i]);
-    return of_b;
-  }
 
   Submodel part_;
-  Eigen::Index size_;
   std::vector<int> boundary_;  // of the part
+  int first_;                  // place of it
   MultifrontalFactor factor_;
+  MatX S_;  // by the factor's places
 };
 
 }  // namespace
@@ -173,8 +158,8 @@ std::shared_ptr<const CondensedTissue> condense(const TissueModel& model, const 
   Far alone(model, state, nodes_where(in_far), of->node, of->tet);
   const auto K = std::make_shared<const MatX>(alone.stiffness());
   of->stiffness = K;
-  of->mass = alone.mass(*K);
-  of->load = alone.load(*K);
+  of->mass = alone.mass();
+  of->load = alone.load();
   for (std::size_t i = 0; i < of->node.size(); ++i)
     of->load.segment<3>(3 * static_cast<Eigen::Index>(i)) -= of->mass[i] * model.gravity;
   return of;

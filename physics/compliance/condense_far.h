@@ -1,12 +1,12 @@
 // Condenses what of a body is far from a place to its boundary (tissue/condensed_tissue.h).
 //
 //   far: tetrahedra in parts that faces join and that hold on to the world by three nodes or more; the others
-//   stay near.   K of the far tissue alone, static and linear, and of what is condensed already:
-//   P K Pᵀ = L Lᵀ, b last:   K̂ = L_bb L_bbᵀ;   Ψ e = y of K y = K̂ e on b,   Ψᵀ g = K̂ (K⁻¹ g)_b
+//   stay near.   K of the far tissue alone, static and linear, and of what is condensed already;
+//   K̂ = K_bb − K_bf K_ff⁻¹ K_fb, where a multifrontal factor with b last is stopped before b
 //
 // The body may be condensed already: then that is farther still, and the shell between joins it. Units: m.
 // Errors: std::invalid_argument where nothing is near; std::runtime_error from the far tissue's factor. Cost:
-// that factor, seven solves with it, and a dense product of the boundary's size. Source: Guyan 1965.
+// that factor, and seven halves of a solve with it. Source: Guyan 1965.
 #pragma once
 
 #include <cstdint>

@@ -9,7 +9,8 @@
 namespace hapticd {
 namespace {
 
-constexpr double spacing_of_radius = 0.35;
+constexpr double spacing_of_radius = 0.4;
+constexpr int most_places = 12;            // that share what is condensed of the body first
 constexpr std::size_t bytes_of_tet = 400;  // of a submodel
 
 std::vector<int> of_body(std::span<const int> own, const std::vector<int>& body) {
@@ -61,16 +62,22 @@ NearRegions::NearRegions(std::shared_ptr<const TissueModel> whole, const NearReg
   for (int k = 0; k < count(); ++k) position_[order_[k]] = k;
 }
 
-// Halves of the longest side, down to one place.
-int NearRegions::grow(int begin, int end, int parent) {
-  const int own = static_cast<int>(branch_.size());
-  branch_.push_back({});
-  branch_[own].begin = begin;
-  branch_[own].end = end;
-  branch_[own].parent = parent;
+// Halves of the longest side, down to one place. Halves of many are no branches: of the body's hull next to
+// nothing is far from them, and their boundary is large.
+void NearRegions::grow(int begin, int end, int parent) {
+  int own = parent;
+  if (parent < 0 || end - begin <= most_places) {
+    own = static_cast<int>(branch_.size());
+    branch_.push_back({});
+    branch_[own].begin = begin;
+    branch_[own].end = end;
+    branch_[own].parent = parent;
+  }
   if (end - begin == 1) {
+    // The body's own hull is of all places, be there one.
+    if (parent < 0) return grow(begin, end, own);
     leaf_[order_[begin]] = own;
-    return own;
+    return;
   }
   Eigen::AlignedBox3d box;
   for (int k = begin; k < end; ++k) box.extend(place_[order_[k]]);
@@ -80,10 +87,8 @@ int NearRegions::grow(int begin, int end, int parent) {
   std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end, [&](int a, int b) {
     return place_[a][side] != place_[b][side] ? place_[a][side] < place_[b][side] : a < b;
   });
-  const int first = grow(begin, middle, own), second = grow(middle, end, own);
-  branch_[own].children[0] = first;
-  branch_[own].children[1] = second;
-  return own;
+  grow(begin, middle, own);
+  grow(middle, end, own);
 }
 
 int NearRegions::nearest(const Vec3& X) const noexcept {

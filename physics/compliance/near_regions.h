@@ -3,10 +3,10 @@
 //
 //   places    a grid of `spacing`, those that are the nearest to a node of the body
 //   hull(V)   tetrahedra within `radius` of one of the places V, the rest condensed
-//   V is halved until it is one place, and hull(V/2) is condensed from hull(V) (condense_far.h): what is far
-//   from a whole neighbourhood is eliminated once, and two neighbours differ by a thin shell
+//   V: a dozen neighbours, halved until they are one place; hull(V/2) is condensed from hull(V), and the
+//   dozen's from the body (condense_far.h): what is far from a neighbourhood is eliminated once
 //
-// Of 20 000 nodes the first region costs some seconds, the next to it tens of milliseconds. Hulls are kept
+// Of 20 000 nodes a dozen costs some seconds, one more of it tenths of a second. Hulls are kept
 // until their memory is more than is asked for, and made anew where tissue that is far from them went.
 // Units: m. Errors: std::runtime_error from a factor. Thread safety: `make` by one thread at a time, beside
 // whoever asks for places.
@@ -57,7 +57,6 @@ class NearRegions {
   struct Branch {
     int begin = 0, end = 0;  // in order_
     int parent = -1;
-    int children[2] = {-1, -1};
     std::shared_ptr<Hull> hull;
     std::size_t known = 0;                     // of what went, in the last hull that was made
     std::vector<int> kept;                     // its tetrahedra of the body, ascending
@@ -65,7 +64,7 @@ class NearRegions {
     std::uint64_t used = 0;
   };
 
-  int grow(int begin, int end, int parent);
+  void grow(int begin, int end, int parent);
   bool is_near(const Vec3& X, int begin, int end) const noexcept;
   bool outdated(const Branch& branch, std::span<const int> gone) const;
   const Hull& hull_of(int branch, std::span<const int> gone);

@@ -35,7 +35,7 @@ struct StepReport {
   int bounded_bodies = 0;   // whose motion was held back, for it would have made energy (energy_bound.h)
   int uncovered_nodes = 0;  // patch nodes outside their compliance's zone: right, but slow
   int regions_entered = 0;  // near regions that follow their instrument to elsewhere
-  int condensed_nodes = 0;  // … of condensed tissue, which is rigid: an instrument reaches that far
+  int condensed_nodes = 0;  // that bear, of condensed tissue, which is rigid: an instrument reaches that far
   ContactSolution contact;
   EachInstrument<double> occlusion;  // of the ports, as the contact solve had them (suction.h)
   EachInstrument<double> flow;       // of fluid into them [m³/s] (inflow.h)

@@ -109,6 +109,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
     contact_.state = *before;
     body_contact_.solve(context_, factors_, contact_, samples, problem, last, report);
   }
+  report.condensed_nodes = pressed_condensed_nodes();
   placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
   report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force);
   if (usable(report.contact))
@@ -244,12 +245,20 @@ void World::gather(const InstrumentSamples& samples, bool topology_changed, Cond
   const InstrumentPoses X = poses_of(samples);
   cutting_.find(bodies_, instruments_, X, settings_.alarm_distance);
   contact_.gather(context_, X, near_, cutting_.nodes(), topology_changed, problem);
-  report.condensed_nodes = 0;
-  for (int b = 0; b < context_.body_count(); ++b)
-    if (bodies_[b].model.condensed)
-      for (const int n : contact_.patch().nodes_of(b))
-        report.condensed_nodes += bodies_[b].state.live_tets_of_node[n] == 0;
   cutting_.publish(bodies_, instruments_, contact_.patch(), problem);
+}
+
+// Nodes that the last contact solve pressed and that nothing alive moves with.
+int World::pressed_condensed_nodes() const {
+  const auto nodes = contact_.patch().nodes();
+  const VecX& force = contact_.state.patch_force;
+  int count = 0;
+  for (std::size_t k = 0; k < nodes.size() && 3 * static_cast<Eigen::Index>(k) < force.size(); ++k) {
+    const Body& body = bodies_[nodes[k].body];
+    count += body.model.condensed && body.state.live_tets_of_node[nodes[k].node] == 0 &&
+             !force.segment<3>(3 * static_cast<Eigen::Index>(k)).isZero(0);
+  }
+  return count;
 }
 
 // What the problem published last says at these poses, where another reference factor or surface may make a

@@ -79,6 +79,9 @@ class World {
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
   ContactSolution solve_unfrozen(const InstrumentSamples& samples, const CondensedProblem& published);
 
+  // Before the first step: regions that an instrument may come to (region/region_stage.h).
+  void make_regions(const std::function<bool()>& enough) { RegionStage::make(bodies_, settings_, enough); }
+
   // A step's factor is made for the step to come, which then latches its pose at once.
   bool looks_ahead() const { return prediction_.active(); }
 
@@ -105,6 +108,7 @@ class World {
               StepReport& report);
   std::optional<EachInstrument<Vec6>> wrenches_before_handover(const InstrumentSamples& samples,
                                                                const StepReport& report) const;
+  int pressed_condensed_nodes() const;
   void report_compliance(StepReport& report);
   void put_to_sleep();
 

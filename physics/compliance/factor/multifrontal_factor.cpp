@@ -61,7 +61,8 @@ void MultifrontalFactor::add_child(int child, int begin, int end, double* target
                       begin, end, target, stride);
 }
 
-void MultifrontalFactor::factor(const SystemMatrix& matrix) {
+// kept: unknowns of the last front that are not eliminated.
+bool MultifrontalFactor::eliminate(const SystemMatrix& matrix, int kept) {
   bool positive = true;
   int child = 0;
   FrontAhead ahead;
@@ -73,8 +74,9 @@ void MultifrontalFactor::factor(const SystemMatrix& matrix) {
     for (int c = child; c < front.children_end; ++c)
       add_child(plan_.children[c], 0, front.width, panel, front.stride);
     ahead.move(panel + front.stride * front.width, values_.data() + plan_.values);
-    positive = kernels_->factor_panel(panel, front.stride, front.height, front.width,
-                                      reciprocal_.data() + front.first, ahead);
+    const int width = s + 1 < plan_.fronts.size() ? front.width : front.width - kept;
+    positive = width == 0 || kernels_->factor_panel(panel, front.stride, front.height, width,
+                                                    reciprocal_.data() + front.first, ahead);
     if (positive && front.size > front.width) {
       kernels_->make_contribution(panel, front.stride, front.height, front.width, front.size, contribution,
                                   front.contribution_stride, ahead);
@@ -85,14 +87,34 @@ void MultifrontalFactor::factor(const SystemMatrix& matrix) {
     }
     child = front.children_end;
   }
-  if (positive && x_.size() > 0) {
-    const auto [least, largest] = std::minmax_element(reciprocal_.data(), reciprocal_.data() + x_.size());
+  const auto eliminated = x_.size() - kept;
+  if (positive && eliminated > 0) {
+    const auto [least, largest] = std::minmax_element(reciprocal_.data(), reciprocal_.data() + eliminated);
     positive = *least * *least > 1e-15 * (*largest * *largest);
   }
-  if (!positive)
+  return positive;
+}
+
+void MultifrontalFactor::factor(const SystemMatrix& matrix) {
+  if (!eliminate(matrix, 0))
     throw std::runtime_error(
         "the system matrix A is not positive definite: a body (or a part cut from it) "
         "has neither mass nor support");
+}
+
+void MultifrontalFactor::condense(const SystemMatrix& matrix, int nodes, MatX& S) {
+  kept_ = 3 * nodes;
+  if (!eliminate(matrix, kept_)) throw std::runtime_error("what is to be condensed has no support");
+  const FrontPlan::Front& last = plan_.fronts.back();
+  const int own = last.width - kept_;
+  const Eigen::Map<const MatX, 0, Eigen::OuterStride<>> panel(values_.data() + last.panel, last.width,
+                                                              last.width, Eigen::OuterStride<>(last.stride));
+  S = panel.bottomRightCorner(kept_, kept_).selfadjointView<Eigen::Lower>();
+  if (own > 0) {
+    const MatX L = panel.bottomLeftCorner(kept_, own);
+    S.noalias() -= L * L.transpose();
+  }
+  gathered_.resize(std::max<std::size_t>(gathered_.size(), static_cast<std::size_t>(kept_)));
 }
 
 void MultifrontalFactor::trailing_corner(int nodes, MatX& corner) const {

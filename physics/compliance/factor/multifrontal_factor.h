@@ -36,6 +36,13 @@ class MultifrontalFactor {
 
   void factor(const SystemMatrix& matrix);
 
+  // All but the last `nodes` nodes b, which `set_order` was given as its zone, are eliminated:
+  // S = A_bb − A_bf A_ff⁻¹ A_fb. Of the rest of this class only these are then to be used:
+  // reduce: x_b ← x_b − A_bf A_ff⁻¹ x_f;   extend: x_f ← −A_ff⁻¹ A_fb x_b. Allocates.
+  void condense(const SystemMatrix& matrix, int nodes, MatX& S);
+  void reduce() noexcept;
+  void extend() noexcept;
+
   int place(int node) const noexcept { return plan_.place[node]; }
   std::size_t memory_bytes() const noexcept;  // of values, workspace and indices
 
@@ -61,6 +68,9 @@ class MultifrontalFactor {
   void trailing_corner(int nodes, MatX& corner) const;
 
  private:
+  bool eliminate(const SystemMatrix& matrix, int kept);
+  void forward(const FrontPlan::Front& front) noexcept;
+  void backward(const FrontPlan::Front& front) noexcept;
   void assemble(const SystemMatrix& matrix, std::size_t front) noexcept;
   void add_child(int child, int begin, int end, double* target, std::ptrdiff_t stride) noexcept;
 
@@ -72,6 +82,7 @@ class MultifrontalFactor {
   std::vector<double> gathered_;
   std::vector<std::uint8_t> reached_;  // fronts, in a half solve
   MatX below_;
+  int kept_ = 0;  // unknowns of the last front that `condense` left
   VecX x_;
 };
 

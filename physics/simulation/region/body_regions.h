@@ -4,12 +4,21 @@
 // is condensed for the other regions, as far as that is made. Units: m.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <vector>
 
+#include "physics/compliance/compliance.h"
 #include "physics/compliance/near_regions.h"
 
 namespace hapticd {
+
+// A compliance of a region's near tissue, with a reference factor where its method has one: made before the
+// region is entered, and left by whoever leaves it.
+struct PreparedRegion {
+  std::unique_ptr<Compliance> compliance;
+  std::vector<int> alive;  // near tetrahedra that it takes for alive
+};
 
 struct BodyRegions {
   // Of one region.
@@ -18,6 +27,7 @@ struct BodyRegions {
     bool empty = false;                             // nothing is near, or nothing far: it cannot be entered
     std::size_t made_with = 0;                      // how many of `gone` it was made without
     std::size_t known = 0;  // … and how many since were looked at: none is far from it
+    std::shared_ptr<PreparedRegion> prepared = {};  // null: not made, or in use
   };
 
   std::shared_ptr<const TissueModel> whole;       // nothing of it is condensed, nothing of it gone
@@ -27,6 +37,12 @@ struct BodyRegions {
   std::shared_ptr<const CondensedTissue> in_use;  // … and what was made for it then
   std::shared_ptr<const CondensedTissue> first;   // of the first region, with nothing gone
   std::vector<int> gone;                          // tetrahedra that went, in order
+
+  std::size_t bytes = 0;  // of what is made
+  static constexpr std::size_t most_bytes = std::size_t{3} << 29;
+
+  // What was made of a region. What is farthest from the present one goes where the memory ends.
+  void take(int region, Far made);
 
   // What is far from the region has lost nothing since it was made.
   bool fresh(int region) {

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "physics/compliance/system_matrix.h"
-#include "physics/simulation/region/body_regions.h"
 
 namespace hapticd {
 namespace {
@@ -15,27 +14,40 @@ bool simulated(const Body& body, int n) {
   return !body.model.fixed[n] && body.state.live_tets_of_node[n] > 0;
 }
 
+constexpr std::size_t most_told = 60;  // tetrahedra that a compliance is told went: more make it anew
+
 double energy(const Body& body) {
   return kinetic_energy(body.model, body.state) + elastic_energy(body.model, body.state);
 }
 
 }  // namespace
 
-RegionEntry::RegionEntry(const Body& body, int region, std::vector<int> zone, const WorldSettings& settings)
+std::shared_ptr<PreparedRegion> prepare_region(const TissueModel& whole, const CondensedTissue& far,
+                                               std::vector<int> alive, std::span<const int> zone,
+                                               const WorldSettings& settings) {
+  auto made = std::make_shared<PreparedRegion>();
+  auto part = std::make_unique<Submodel>(whole, far.near_node, alive, &far);
+  const std::vector<int> own = part->nodes_of(zone);
+  made->compliance =
+      make_compliance(settings.compliance, std::move(part), settings.h, settings.compliance_options, own);
+  made->alive = std::move(alive);
+  return made;
+}
+
+RegionEntry::RegionEntry(Body& body, int region, std::vector<int> zone, const WorldSettings& settings)
     : region_(region),
       whole_(body.regions->whole),
       far_(body.regions->far[static_cast<std::size_t>(region)].tissue),
       zone_(std::move(zone)),
-      method_(settings.compliance),
-      h_(settings.h),
-      options_(settings.compliance_options) {
+      settings_(settings),
+      prepared_(std::exchange(body.regions->far[static_cast<std::size_t>(region)].prepared, nullptr)) {
   const TissueState& state = body.state;
   for (const int t : far_->near_tet) {
     if (!is_there(body.model, state, t)) continue;
     tet_.push_back(t);
-    rotation_.push_back(state.alive[t] ? state.rotation[t] : Mat3::Identity());
     left_.push_back(state.left[t]);
   }
+  if (prepared_ && prepared_->alive.size() > tet_.size() + most_told) prepared_.reset();
   for (const int n : far_->near_node) new_.push_back(!whole_->fixed[n] && !simulated(body, n));
 }
 
@@ -44,9 +56,8 @@ void RegionEntry::make() {
   part_->state.left = left_;
   refresh_mass(part_->model, part_->state);
   condense_new_nodes();
-  part_->state.rotation = rotation_;
-  const std::vector<int> zone = part_->nodes_of(zone_);
-  compliance_ = make_compliance(method_, std::move(part_), h_, options_, zone);
+  part_.reset();
+  if (!prepared_) prepared_ = prepare_region(*whole_, *far_, tet_, zone_, settings_);
 }
 
 // K of the new nodes, at rest.
@@ -60,7 +71,7 @@ void RegionEntry::condense_new_nodes() {
     new_node_.push_back(far_->near_node[k]);
   }
   if (new_node_.empty()) return;
-  SystemMatrix matrix(model, node_graph(model), h_);
+  SystemMatrix matrix(model, node_graph(model), settings_.h);
   matrix.assemble(part_->state);
   MatX K = MatX::Zero(3 * new_node_.size(), 3 * new_node_.size());
   std::vector<Eigen::Triplet<double>> to_old;
@@ -144,10 +155,20 @@ void RegionEntry::enter(Body& body) {
     for (const int n : model.condensed->near_node) state.v[n] *= share;
   }
 
-  compliance_.swap(body.compliance);
+  // The one left stays with its region, if that is still as it was when it was entered.
+  BodyRegions& of = *body.regions;
+  BodyRegions::Far& left_region = of.far[static_cast<std::size_t>(of.present)];
+  std::swap(prepared_->compliance, body.compliance);
+  if (left_region.tissue == of.in_use && of.present != region_ && !left_region.prepared) {
+    auto left = std::make_shared<PreparedRegion>();
+    left->compliance = std::move(prepared_->compliance);
+    for (const int t : left_region.tissue->near_tet)
+      if (there[t]) left->alive.push_back(t);
+    left_region.prepared = std::move(left);
+  }
   body.references = as_reference_compliance(body.compliance.get());
   std::vector<int> went;
-  for (const int t : tet_)
+  for (const int t : prepared_->alive)
     if (!state.alive[t]) went.push_back(t);
   if (!went.empty()) body.compliance->remove(state, went);
   body.free.dx.setZero();
@@ -155,8 +176,8 @@ void RegionEntry::enter(Body& body) {
   body.free.ahead = body.free.forward_solved = false;
   body.energy.elastic.resize(0);
   body.asleep = false;
-  body.regions->present = region_;
-  body.regions->in_use = far_;
+  of.present = region_;
+  of.in_use = far_;
 }
 
 }  // namespace hapticd

@@ -1,7 +1,8 @@
 // How a body that is simulated in one near region comes to be simulated in another.
 //
-//   prepared on any thread   the near model of the region, its compliance with a first reference factor, and
-//                            K_qq of the nodes q that are not simulated yet
+//   prepared on any thread   K_qq of the nodes q that are not simulated yet; and the region's compliance with
+//   a
+//                            reference factor, where none was made before or too much went since
 //   entered between steps    K_qq u_q = f_q − K_qo u_o;   the same without f for v
 //
 // What was condensed stood where its boundary took it, linear and static: so q begins there. What is left
@@ -15,15 +16,22 @@
 #include <vector>
 
 #include "physics/simulation/body.h"
+#include "physics/simulation/region/body_regions.h"
 #include "physics/simulation/world_settings.h"
 
 namespace hapticd {
+
+// The region's compliance at the mesh's shape, of the near tetrahedra that are alive. zone: nodes of the
+// body, nearest first.
+std::shared_ptr<PreparedRegion> prepare_region(const TissueModel& whole, const CondensedTissue& far,
+                                               std::vector<int> alive, std::span<const int> zone,
+                                               const WorldSettings& settings);
 
 class RegionEntry final : public ReferenceFactor {
  public:
   // zone: nodes that the compliance is to have at hand, nearest first; h: of the step. Pre: the region's far
   // tissue is made.
-  RegionEntry(const Body& body, int region, std::vector<int> zone, const WorldSettings& settings);
+  RegionEntry(Body& body, int region, std::vector<int> zone, const WorldSettings& settings);
 
   void make() override;
 
@@ -43,12 +51,10 @@ class RegionEntry final : public ReferenceFactor {
   std::vector<double> left_;
   std::vector<std::uint8_t> new_;  // per near node: it is not simulated yet
   std::vector<int> zone_;
-  ComplianceMethod method_;
-  double h_;
-  ComplianceOptions options_;
+  const WorldSettings settings_;
 
-  std::unique_ptr<Submodel> part_;  // until the compliance has it
-  std::unique_ptr<Compliance> compliance_;
+  std::unique_ptr<Submodel> part_;
+  std::shared_ptr<PreparedRegion> prepared_;
   std::vector<int> new_node_, old_node_;  // of the body
   Eigen::LLT<MatX> K_qq_;
   Eigen::SparseMatrix<double> K_qo_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -18,20 +19,52 @@ constexpr double looked_at = 2.5;   // of the spacing: within that, what was mad
 constexpr int chord = 4;            // of the way that says where the instrument goes [steps]
 constexpr int most_steps = 12;      // that it is looked ahead by
 
-// What is far from one region, made on any thread.
+// What is far from one region, and a compliance of what is near, made on any thread.
 class FarTissue final : public ReferenceFactor {
  public:
-  FarTissue(const BodyRegions& of, int region) : regions_(of.regions), region_(region), gone_(of.gone) {}
-  void make() override { far_ = regions_->make(region_, gone_); }
+  FarTissue(const Body& body, int region, const WorldSettings& settings)
+      : whole_(body.regions->whole),
+        regions_(body.regions->regions),
+        region_(region),
+        gone_(body.regions->gone),
+        edge_(body.edge),
+        settings_(settings) {
+    on_surface_.assign(whole_->mesh.nodes.size(), 0);
+    for (const SurfaceFace& face : body.surface.faces())
+      for (const int n : face.nodes) on_surface_[static_cast<std::size_t>(n)] = 1;
+  }
+  void make() override {
+    far_ = regions_->make(region_, gone_);
+    if (far_) prepared_ = prepare_region(*whole_, *far_, far_->near_tet, zone(), settings_);
+  }
   void give(BodyRegions& to) {
-    to.far[static_cast<std::size_t>(region_)] = {far_, far_ == nullptr, gone_.size(), gone_.size()};
+    to.take(region_, {far_, far_ == nullptr, gone_.size(), gone_.size(), std::move(prepared_)});
   }
 
  private:
+  // What is nearest to the place; of nodes alike near, those of the surface come first.
+  std::vector<int> zone() const {
+    std::vector<std::pair<double, int>> nearest;
+    for (const int n : far_->near_node)
+      nearest.emplace_back((whole_->mesh.nodes[n] - regions_->place(region_)).norm() +
+                               (on_surface_[static_cast<std::size_t>(n)] ? 0 : edge_),
+                           n);
+    std::sort(nearest.begin(), nearest.end());
+    nearest.resize(std::min(nearest.size(), max_zone_nodes));
+    std::vector<int> nodes;
+    for (const auto& [distance, n] : nearest) nodes.push_back(n);
+    return nodes;
+  }
+
+  std::shared_ptr<const TissueModel> whole_;
   std::shared_ptr<NearRegions> regions_;
   int region_;
   std::vector<int> gone_;
+  double edge_;
+  const WorldSettings settings_;
+  std::vector<std::uint8_t> on_surface_;
   std::shared_ptr<const CondensedTissue> far_;
+  std::shared_ptr<PreparedRegion> prepared_;
 };
 
 struct Place {
@@ -71,6 +104,26 @@ void RegionStage::follow(Bodies& bodies, const std::vector<std::vector<int>>& go
   for (std::size_t b = 0; b < bodies.size(); ++b)
     if (bodies[b].regions)
       bodies[b].regions->gone.insert(bodies[b].regions->gone.end(), gone[b].begin(), gone[b].end());
+}
+
+void RegionStage::make(Bodies& bodies, const WorldSettings& settings, const std::function<bool()>& enough) {
+  for (Body& body : bodies) {
+    if (!body.regions) continue;
+    BodyRegions& of = *body.regions;
+    const Vec3 from = of.regions->place(of.present);
+    std::vector<int> nearest_first(of.far.size());
+    std::iota(nearest_first.begin(), nearest_first.end(), 0);
+    std::stable_sort(nearest_first.begin(), nearest_first.end(), [&](int a, int b) {
+      return (of.regions->place(a) - from).squaredNorm() < (of.regions->place(b) - from).squaredNorm();
+    });
+    for (const int region : nearest_first) {
+      if (of.far[static_cast<std::size_t>(region)].tissue) continue;
+      if (enough() || of.bytes > BodyRegions::most_bytes) return;
+      FarTissue far(body, region, settings);
+      far.make();
+      far.give(of);
+    }
+  }
 }
 
 void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) {
@@ -122,7 +175,8 @@ void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) 
     }
     if (!p.making && unmade >= 0) {
       p.making = true;
-      jobs.push_back({of_body, std::make_unique<FarTissue>(of, unmade), false, JobKind::far_tissue});
+      jobs.push_back(
+          {of_body, std::make_unique<FarTissue>(body, unmade, c.settings), false, JobKind::far_tissue});
     }
   }
 }

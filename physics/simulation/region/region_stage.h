@@ -10,6 +10,7 @@
 // (StepReport::condensed_nodes). Units: m, steps. Errors: a job that `failed` is dropped.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "physics/simulation/step/reference_scheduling.h"
@@ -23,6 +24,9 @@ class RegionStage {
 
   // Once in a step: what went of each body.
   static void follow(Bodies& bodies, const std::vector<std::vector<int>>& gone);
+
+  // Before the first step: regions around those that bodies begin in, nearest first, until that is enough.
+  static void make(Bodies& bodies, const WorldSettings& settings, const std::function<bool()>& enough);
 
   // Between steps.
   void wanted(const StepContext& c, std::vector<ReferenceJob>& jobs);

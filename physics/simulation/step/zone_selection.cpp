@@ -15,7 +15,6 @@ constexpr double zone_reach = 1.6;     // … and a new zone reaches this far
 constexpr double step_keep = 1.0;      // both of a factor that a step makes: its corner is dense, and the
 constexpr double step_reach = 1.25;    // compliance gives what it leaves out as well
 constexpr double lasting_reach = 3.0;  // … that of a factor that serves until the zone moves
-constexpr std::size_t max_zone_nodes = 200;
 constexpr std::size_t max_halo_nodes = 200;
 constexpr int longest_lead = 30;      // steps: a reference factor in the making looks ahead by no more
 constexpr double pose_spacing = 0.5;  // of a zone's way, in alarm distances

@@ -13,6 +13,8 @@
 
 namespace hapticd {
 
+inline constexpr std::size_t max_zone_nodes = 200;
+
 struct ZoneRequest {
   Instruments instruments;
   const InstrumentMotions& motion;

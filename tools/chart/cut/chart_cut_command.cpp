@@ -82,7 +82,7 @@ nlohmann::ordered_json to_json(const CutCostFigures& f, const std::vector<StepPo
                              {"steps_that_cut", p.split_steps},
                              {"nodes_added", p.nodes_added},
                              {"references", p.bases},
-                             {"uncovered_steps", p.uncovered_steps},
+                             {"late_references", p.late_references},
                              {"step_ms", ms}});
     json["step_ms"] = ms;  // of the largest
   }

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "haptic/clock.h"
+#include "physics/simulation/region/body_regions.h"
 #include "physics/tissue/mesh_quality.h"
 #include "server/app/reference_maker.h"
 #include "server/os/realtime.h"
@@ -42,7 +43,7 @@ BladePath put_blade(Scene& scene, double depth) {
   return way;
 }
 
-const TipSettings near_the_pole{.around = 0.25e-3, .aside = 0.15e-3};
+constexpr double most_start_s = 12;  // for what is far from regions, before the first step
 
 Vec3 anterior_pole(const TetMesh& mesh) {
   return *std::max_element(mesh.nodes.begin(), mesh.nodes.end(),
@@ -92,9 +93,7 @@ class StepRun {
     if (of.cut_depth > 0)
       way_ = [way = put_blade(scene_, of.cut_depth)](double t) { return drawn_blade(way, t); };
     else
-      way_ = [tip = TravellingTip(scene_, of.at_pole ? near_the_pole : TipSettings{})](double t) {
-        return tip.at(t);
-      };
+      way_ = [tip = TravellingTip(scene_, {.speed = of.speed})](double t) { return tip.at(t); };
     if (of.near > 0) {
       const TetMesh& mesh = scene_.bodies[0].mesh;
       scene_.bodies[0].near = {anterior_pole(mesh), of.near * measure_mesh(mesh).edge.mean};
@@ -107,10 +106,13 @@ class StepRun {
     settings.compliance_options.times = &times_;
     const std::int64_t begun = monotonic_ns();
     world_ = make_world(scene_, settings);
+    world_->make_regions([begun] { return monotonic_ns() - begun > std::llround(1e9 * most_start_s); });
     // As the daemon does before its clock starts.
     world_->step([] { return InstrumentSample{}; }, *problem_);
     point_.start_ms = 1e-6 * static_cast<double>(monotonic_ns() - begun);
     bases_.start();
+    if (of.near > 0) far_.start([] { use_nice(far_tissue_nice); });
+    point_.threads = 2 + (of.near > 0);
   }
 
   StepPoint run(const std::function<bool(double)>& progress) {
@@ -150,9 +152,11 @@ class StepRun {
     int asked = 0;
     times_.start();
     const std::int64_t begin = monotonic_ns();
-    while (std::optional<ReferenceJob> job = bases_.take()) world_->adopt(std::move(*job));
+    for (ReferenceMaker* maker : {&bases_, &far_})
+      while (std::optional<ReferenceJob> job = maker->take()) world_->adopt(std::move(*job));
     const StepReport report = world_->step([&] { return sample[std::min(asked++, 1)]; }, *problem_);
-    for (ReferenceJob& job : world_->wanted_references()) bases_.give(std::move(job));
+    for (ReferenceJob& job : world_->wanted_references())
+      (job.kind == JobKind::far_tissue ? far_ : bases_).give(std::move(job));
     times_.enter(0);
     const std::int64_t spent = monotonic_ns() - begin;
     Step& done = done_.emplace_back();
@@ -167,27 +171,30 @@ class StepRun {
     point_.split_steps += report.split;
     point_.removed += report.removed;
     point_.bases += report.references_adopted;
-    point_.uncovered_steps += report.uncovered_nodes > 0;
+    point_.regions_entered += report.regions_entered;
+    point_.late_references += report.uncovered_nodes > 0;
     point_.fallback_steps += report.condensed_nodes > 0;
   }
 
   StepPoint point() {
     bases_.stop();
+    far_.stop();
     const auto skipped = std::min<std::size_t>(warm_up, done_.size() / 3);
     done_.erase(done_.begin(), done_.begin() + static_cast<std::ptrdiff_t>(skipped));
     std::erase_if(done_, [](const Step& s) { return !s.counts; });
     point_.nodes_added =
         world_->bodies()[0].model.nodes_in_use - static_cast<int>(scene_.bodies[0].mesh.nodes.size());
     point_.busy = case_.busy;
-    point_.at_pole = case_.at_pole;
+    point_.speed = case_.speed;
     point_.near = case_.near;
     const Body& lens = world_->bodies()[0];
     for (int n = 0; n < lens.model.nodes_in_use; ++n)
       point_.simulated += !lens.model.fixed[n] && lens.state.live_tets_of_node[n] > 0;
     point_.memory_mb = 1e-6 * static_cast<double>(lens.compliance->report().memory_bytes);
-    if (const CondensedTissue* far = lens.model.condensed.get()) {
-      point_.boundary = static_cast<int>(far->node.size());
-      point_.memory_mb += 1e-6 * sizeof(double) * static_cast<double>(far->stiffness->size());
+    if (lens.regions) {
+      point_.boundary = static_cast<int>(lens.model.condensed->node.size());
+      point_.memory_mb +=
+          1e-6 * static_cast<double>(lens.regions->bytes + lens.regions->regions->memory_bytes());
     }
     point_.model = case_.corotational ? "corotational" : "linear";
     point_.compliance = name_of(case_.method);
@@ -223,7 +230,7 @@ class StepRun {
   PartTimes times_;
   std::unique_ptr<World> world_;
   std::unique_ptr<CondensedProblem> problem_ = std::make_unique<CondensedProblem>();
-  ReferenceMaker bases_;
+  ReferenceMaker bases_, far_;
   struct Step {
     double ms = 0;
     StepParts parts_ms{};
@@ -273,7 +280,7 @@ StepPoint chart_step(const StepCase& of, const std::function<bool(double)>& prog
 void compare_forces(std::span<StepPoint> points) {
   for (StepPoint& p : points) {
     const auto whole = std::find_if(points.begin(), points.end(), [&](const StepPoint& o) {
-      return o.near == 0 && o.at_pole == p.at_pole && o.nodes == p.nodes && o.model == p.model &&
+      return o.near == 0 && o.speed == p.speed && o.nodes == p.nodes && o.model == p.model &&
              o.compliance == p.compliance;
     });
     if (p.near == 0 || whole == points.end()) continue;
@@ -292,12 +299,12 @@ void compare_forces(std::span<StepPoint> points) {
 }
 
 std::optional<double> growth(std::span<const StepPoint> points, const std::string& model,
-                             const std::string& compliance, double near,
+                             const std::string& compliance, double near, double speed,
                              const std::function<double(const StepPoint&)>& ms) {
   constexpr double least_ms = 0.01;
   double n = 0, x = 0, y = 0, xx = 0, xy = 0;
   for (const StepPoint& p : points) {
-    if (p.model != model || p.compliance != compliance || p.near != near) continue;
+    if (p.model != model || p.compliance != compliance || p.near != near || p.speed != speed) continue;
     if (!(ms(p) >= least_ms)) return std::nullopt;
     const double u = std::log(p.nodes), v = std::log(ms(p));
     n += 1;

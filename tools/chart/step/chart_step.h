@@ -40,9 +40,9 @@ struct StepCase {
   int steps = 500;
   double seconds = 60;  // a slow case ends here, after ten steps at least
   bool busy = false;
-  // The tip stays near the anterior pole; of the tissue, what is nearer than `near` to it is simulated, the
-  // rest condensed (condense_far.h); 0: all is simulated [mean edges of the mesh].
-  bool at_pole = false;
+  double speed = 3e-3;  // of the tip [m/s]
+  // Of the tissue, what is nearer than that to the tip is simulated, the rest condensed
+  // (physics/simulation/region); 0: all is simulated [mean edges of the mesh].
   double near = 0;
 };
 
@@ -58,8 +58,8 @@ struct StepPoint {
   int split_steps = 0;  // in which the mesh was cut
   int nodes_added = 0;  // by cuts
   bool busy = false;
-  bool at_pole = false;
-  double near = 0;  // [mean edges]
+  double speed = 0;  // [m/s]
+  double near = 0;   // [mean edges]
   double near_mm = 0;
   int simulated = 0;                                   // nodes
   int boundary = 0;                                    // … at which condensed tissue begins
@@ -69,8 +69,10 @@ struct StepPoint {
   std::optional<double> force_rms_rel, force_max_rel;  // against `near` 0, the same case, of its peak
   int bases = 0;
   double reference_ms_median = 0;  // on the other thread
-  int uncovered_steps = 0;         // with patch nodes outside the zone
+  int late_references = 0;         // steps with patch nodes outside the zone
   int fallback_steps = 0;          // … of condensed tissue
+  int regions_entered = 0;
+  int threads = 1;  // that the simulation had: its own, and those that make for it
   int steps = 0;
   double step_ms_median = 0, step_ms_p99 = 0, step_ms_max = 0;
   double over_20ms = 0;  // share of the steps
@@ -89,9 +91,9 @@ StepPoint chart_step(const StepCase& of, const std::function<bool(double)>& prog
 void compare_forces(std::span<StepPoint> points);
 
 // e of t ~ nodes^e, least squares of logarithms; nothing from fewer than two sizes, or where a part takes
-// less than 10 µs. near: of the points with so much simulated.
+// less than 10 µs. near, speed: of the points that have these.
 std::optional<double> growth(std::span<const StepPoint> points, const std::string& model,
-                             const std::string& compliance, double near,
+                             const std::string& compliance, double near, double speed,
                              const std::function<double(const StepPoint&)>& ms);
 
 }  // namespace hapticd

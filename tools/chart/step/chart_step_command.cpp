@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include "physics/compliance/compliance.h"
 #include "server/os/realtime.h"
@@ -28,7 +29,8 @@ struct Options {
   std::vector<std::string> lenses, models, compliances;
   std::vector<std::string> parts = {"points", "tick", "factor"};
   bool quick = false, busy = false;
-  std::vector<double> near;  // [mean edges]
+  std::vector<double> near;    // [mean edges]
+  std::vector<double> speeds;  // [mm/s]
   std::string lens = "1k";
   int zone = 60;
   int repeats = 51;
@@ -69,12 +71,12 @@ std::vector<StepCase> cases_of(const Options& options) {
         of.steps = options.steps > 0 ? options.steps : options.quick ? 100 : zone ? 2000 : 500;
         of.seconds = options.quick ? 3 : zone ? 60 : 15;
         of.busy = options.busy;
-        if (options.near.empty()) cases.push_back(of);
-        of.at_pole = true;
-        for (const double near : options.near) {
-          of.near = near;
-          cases.push_back(of);
-        }
+        for (const double speed : options.speeds)
+          for (const double near : options.near) {
+            of.speed = 1e-3 * speed;
+            of.near = near;
+            cases.push_back(of);
+          }
       }
   }
   return cases;
@@ -94,19 +96,22 @@ nlohmann::ordered_json to_json(const StepPoint& p) {
                                  {"busy", p.busy},
                                  {"bases", p.bases},
                                  {"reference_ms_median", rounded(p.reference_ms_median, 2)},
-                                 {"uncovered_steps", p.uncovered_steps},
+                                 {"threads", p.threads},
+                                 {"late_references", p.late_references},
+                                 {"fallback_steps", p.fallback_steps},
+                                 {"memory_mb", rounded(p.memory_mb, 1)},
+                                 {"start_ms", rounded(p.start_ms, 1)},
+                                 {"mm_per_s", rounded(1e3 * p.speed, 3)},
+                                 {"near_edges", p.near},
                                  {"step_ms_median", rounded(p.step_ms_median, 3)},
                                  {"step_ms_p99", rounded(p.step_ms_p99, 3)},
                                  {"step_ms_max", rounded(p.step_ms_max, 3)},
                                  {"over_20ms", rounded(p.over_20ms, 5)}};
-  if (p.at_pole) {
-    json["near_edges"] = p.near;
-    json["fallback_steps"] = p.fallback_steps;
+  if (p.near > 0) {
     json["near_mm"] = rounded(p.near_mm, 3);
-    json["memory_mb"] = rounded(p.memory_mb, 1);
     json["simulated_nodes"] = p.simulated;
     json["boundary_nodes"] = p.boundary;
-    json["start_ms"] = rounded(p.start_ms, 1);
+    json["regions_entered"] = p.regions_entered;
     if (p.force_rms_rel) {
       json["force_rms_rel"] = rounded(*p.force_rms_rel, 5);
       json["force_max_rel"] = rounded(*p.force_max_rel, 5);
@@ -118,8 +123,8 @@ nlohmann::ordered_json to_json(const StepPoint& p) {
   return json;
 }
 
-// One value of `near` a list: steps of unlike parts of the meshes do not compare.
-nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points, double near) {
+// One value of `near` and of the speed a list: steps of unlike parts of the meshes do not compare.
+nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points, double near, double speed) {
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   const auto put = [](nlohmann::ordered_json& in, const char* key, const std::optional<double>& e) {
     in[key] = e ? nlohmann::ordered_json(rounded(*e, 2)) : nlohmann::ordered_json(nullptr);
@@ -127,13 +132,16 @@ nlohmann::ordered_json growth_of(const std::vector<StepPoint>& points, double ne
   for (const char* model : {"corotational", "linear"})
     for (const char* compliance : {"exact", "zone", "lazy", "updown"}) {
       nlohmann::ordered_json of = {{"model", model}, {"compliance", compliance}};
-      put(of, "step",
-          growth(points, model, compliance, near, [](const StepPoint& p) { return p.step_ms_median; }));
-      if (near > 0) of["near_edges"] = near;
+      put(of, "step", growth(points, model, compliance, near, speed, [](const StepPoint& p) {
+            return p.step_ms_median;
+          }));
+      of["near_edges"] = near;
+      of["mm_per_s"] = rounded(1e3 * speed, 3);
       if (of["step"].is_null()) continue;
       for (std::size_t k = 0; k < step_parts; ++k)
         put(of["parts"], name_of(static_cast<StepPart>(k)),
-            growth(points, model, compliance, near, [k](const StepPoint& p) { return p.parts_ms[k]; }));
+            growth(points, model, compliance, near, speed,
+                   [k](const StepPoint& p) { return p.parts_ms[k]; }));
       json.push_back(of);
     }
   return json;
@@ -193,9 +201,12 @@ void print_points(const std::vector<StepPoint>& points) {
     std::printf("%-13s %-7s %6d %5d %4d  %8.2f %8.2f %5.1f %% ", p.model.c_str(), p.compliance.c_str(),
                 p.nodes, p.patch_nodes, p.contacts, p.step_ms_median, p.step_ms_p99, 100 * p.over_20ms);
     for (const double part : p.parts_ms) std::printf(" %11.3f", part);
-    if (p.at_pole)
-      std::printf("  near %.2f mm: %d nodes, boundary %d, start %.1f s, %.0f MB", p.near_mm, p.simulated,
-                  p.boundary, 1e-3 * p.start_ms, p.memory_mb);
+    if (p.near > 0)
+      std::printf(
+          "  %.0f mm/s, near %.2f mm: %d nodes, boundary %d, start %.1f s, %.0f MB, %d regions, %d late, %d "
+          "steps rigid",
+          1e3 * p.speed, p.near_mm, p.simulated, p.boundary, 1e-3 * p.start_ms, p.memory_mb,
+          p.regions_entered, p.late_references, p.fallback_steps);
     if (p.force_rms_rel)
       std::printf(", force off %.2f %%, at most %.2f %%", 100 * *p.force_rms_rel, 100 * *p.force_max_rel);
     std::printf("\n");
@@ -277,10 +288,10 @@ int chart(Options options) {
   for (const StepPoint& p : points) json["points"].push_back(to_json(p));
   if (!points.empty()) {
     json["growth"] = nlohmann::ordered_json::array();
-    std::set<double> nears;
-    for (const StepPoint& p : points) nears.insert(p.near);
-    for (const double near : nears)
-      for (const nlohmann::ordered_json& of : growth_of(points, near)) json["growth"].push_back(of);
+    std::set<std::pair<double, double>> kinds;
+    for (const StepPoint& p : points) kinds.insert({p.near, p.speed});
+    for (const auto& [near, speed] : kinds)
+      for (const nlohmann::ordered_json& of : growth_of(points, near, speed)) json["growth"].push_back(of);
     json["largest_50hz"] = largest_of(points);
   }
   if (ticks) {
@@ -320,10 +331,13 @@ Command add_chart_step(CLI::App& chart_app) {
   app->add_flag("--busy", options->busy,
                 "of the points, while another program computes on the simulation's core");
   app->add_option("--near", options->near,
-                  "of the points, the tip at the anterior pole: tissue within so many mean edges of it is "
-                  "simulated, the rest condensed; 0: all of it, which the others' forces are compared with")
+                  "of the points: tissue within so many mean edges of the tip is simulated, the rest "
+                  "condensed; 0, as without: all of it, which the others' forces are compared with")
       ->delimiter(',')
       ->check(CLI::Range(0.0, 1000.0));
+  app->add_option("--speeds", options->speeds, "of the points' tip: mm/s; 3")
+      ->delimiter(',')
+      ->check(CLI::Range(0.1, 200.0));
   app->add_option("--steps", options->steps, "of each point, at most")->check(CLI::Range(1, 1000000));
   app->add_option("--lens", options->lens, "of the factor")->check(CLI::IsMember(names_of_lenses()));
   app->add_option("--zone", options->zone, "of the factor: nodes ordered last")->check(CLI::Range(0, 1000));
@@ -331,6 +345,8 @@ Command add_chart_step(CLI::App& chart_app) {
   app->footer("Example: haptic chart step --out build/step");
   return {app, [options] {
             std::string no_table;
+            if (options->near.empty()) options->near = {0};
+            if (options->speeds.empty()) options->speeds = {3};
             prepare_outputs("step", "", options->out, options->json, no_table, options->force);
             return chart(*options);
           }};

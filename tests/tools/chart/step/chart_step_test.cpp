@@ -48,15 +48,15 @@ TEST(ChartStep, ACubeLawHasExponentThree) {
     points[k].step_ms_median = std::pow(points[k].nodes, 3) * 1e-6;
   }
   const auto ms = [](const StepPoint& p) { return p.step_ms_median; };
-  EXPECT_NEAR(growth(points, "linear", "exact", 0, ms).value(), 3, 1e-12);
-  EXPECT_FALSE(growth(points, "linear", "zone", 0, ms));
-  EXPECT_FALSE(growth(points, "linear", "exact", 0, [](const StepPoint&) { return 0.0; }));
+  EXPECT_NEAR(growth(points, "linear", "exact", 0, 0, ms).value(), 3, 1e-12);
+  EXPECT_FALSE(growth(points, "linear", "zone", 0, 0, ms));
+  EXPECT_FALSE(growth(points, "linear", "exact", 0, 0, [](const StepPoint&) { return 0.0; }));
   // Of another part of the mesh.
   points.push_back(points.back());
   points.back().near = 4;
   points.back().step_ms_median *= 2;
-  EXPECT_NEAR(growth(points, "linear", "exact", 0, ms).value(), 3, 1e-12);
-  EXPECT_FALSE(growth(points, "linear", "exact", 4, ms));
+  EXPECT_NEAR(growth(points, "linear", "exact", 0, 0, ms).value(), 3, 1e-12);
+  EXPECT_FALSE(growth(points, "linear", "exact", 4, 0, ms));
 }
 
 // `exact` has no other thread whose time would matter: what differs is the condensed tissue.
@@ -66,7 +66,7 @@ TEST(ChartStep, ACondensedLensIsFeltAsTheWhole) {
     StepCase of;
     of.lens = step_lenses().front();
     of.steps = 40;
-    of.at_pole = true;
+    of.speed = 20e-3;
     of.near = near;
     points.push_back(chart_step(of, [](double) { return true; }));
   }
@@ -74,6 +74,7 @@ TEST(ChartStep, ACondensedLensIsFeltAsTheWhole) {
   EXPECT_FALSE(points[0].force_rms_rel);
   EXPECT_LT(points[1].simulated, points[0].simulated / 3);
   EXPECT_GT(points[1].boundary, 20);
+  EXPECT_GT(points[1].regions_entered, 3);
   EXPECT_EQ(points[1].fallback_steps, 0);
   ASSERT_TRUE(points[1].force_rms_rel);
   EXPECT_LT(*points[1].force_rms_rel, 0.01);
