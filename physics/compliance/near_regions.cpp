@@ -92,6 +92,17 @@ void NearRegions::grow(int begin, int end, int parent) {
 }
 
 int NearRegions::nearest(const Vec3& X) const noexcept {
+  const Vec3 at = (X - origin_) / spacing_;
+  bool inside = true;
+  std::array<int, 3> c = {};
+  for (int r = 0; r < 3; ++r) {
+    inside = inside && at[r] > -0.5 && at[r] < cells_[r] - 0.5;
+    if (inside) c[r] = static_cast<int>(std::lround(at[r]));
+  }
+  if (inside)
+    if (const int region = at_[(static_cast<std::size_t>(c[2]) * cells_[1] + c[1]) * cells_[0] + c[0]];
+        region >= 0)
+      return region;
   int best = 0;
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < count(); ++i)

@@ -121,8 +121,8 @@ void Service::look(std::int64_t now_ns) {
     if (!said_beyond_near_ && session->simulation_statistics().condensed_steps.load(relaxed) > 0) {
       said_beyond_near_ = true;
       log(LogLevel::warning, "beyond_near",
-          "an instrument reaches tissue that is condensed: it is rigid there (a body's near region is too "
-          "small)");
+          "an instrument presses tissue that is condensed: it is rigid there (a body's near region is too "
+          "small, or did not follow in time)");
     }
     for (int i = 0; i < session->devices(); ++i) {
       const LoopCounters counters = counters_of(*session, i);

@@ -13,6 +13,8 @@
 namespace hapticd {
 namespace {
 
+constexpr std::int64_t regions_ns = 6'000'000'000;  // that regions are condensed for, before the clock starts
+
 // What a step asks for grows with the largest patch so far; the port of a tick asks for messages.
 constexpr std::size_t simulation_heap = 16 << 20;
 
@@ -33,7 +35,11 @@ std::optional<std::filesystem::path> recording_of(const WorldSessionOptions& opt
 std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times, const World* before) {
   WorldSettings settings = world_settings(scene);
   settings.compliance_options.times = &times;
-  if (!before) return make_world(scene, settings);
+  if (!before) {
+    std::unique_ptr<World> world = make_world(scene, settings);
+    world->make_regions([end = monotonic_ns() + regions_ns] { return monotonic_ns() > end; });
+    return world;
+  }
   Scene again = scene;
   for (std::size_t b = 0; b < again.bodies.size(); ++b)
     if (before->bodies()[b].regions) again.bodies[b].start = first_start_of(before->bodies()[b]);

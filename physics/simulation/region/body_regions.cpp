@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "physics/tissue/surface.h"
+
 namespace hapticd {
 namespace {
 
@@ -26,6 +28,11 @@ std::shared_ptr<BodyRegions> begin_regions(const TissueModel& whole, const NearR
   BodyRegions::Far& here = of->far[static_cast<std::size_t>(of->present)];
   here.tissue = of->regions->make(of->present, {});
   if (!here.tissue) return nullptr;
+  of->at_surface.assign(of->far.size(), 0);
+  const BoundarySurface surface(whole.mesh);
+  for (const SurfaceFace& face : surface.faces())
+    for (const int n : face.nodes)
+      of->at_surface[static_cast<std::size_t>(of->regions->nearest(whole.mesh.nodes[n]))] = 1;
   of->bytes = bytes_of(here);
   of->first = of->in_use = here.tissue;
   return of;

@@ -13,8 +13,8 @@
 
 namespace hapticd {
 
-// A compliance of a region's near tissue, with a reference factor where its method has one: made before the
-// region is entered, and left by whoever leaves it.
+// A compliance of a region's near tissue, with a reference factor where its method has one, made before the
+// region is entered.
 struct PreparedRegion {
   std::unique_ptr<Compliance> compliance;
   std::vector<int> alive;  // near tetrahedra that it takes for alive
@@ -35,8 +35,9 @@ struct BodyRegions {
   std::vector<Far> far;                           // per region
   int present = 0;                                // region that is simulated …
   std::shared_ptr<const CondensedTissue> in_use;  // … and what was made for it then
-  std::shared_ptr<const CondensedTissue> first;   // of the first region, with nothing gone
-  std::vector<int> gone;                          // tetrahedra that went, in order
+  std::vector<std::uint8_t> at_surface;  // regions that are the nearest to a node of the first surface
+  std::shared_ptr<const CondensedTissue> first;  // of the first region, with nothing gone
+  std::vector<int> gone;                         // tetrahedra that went, in order
 
   std::size_t bytes = 0;  // of what is made
   static constexpr std::size_t most_bytes = std::size_t{3} << 29;

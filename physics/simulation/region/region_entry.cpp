@@ -155,17 +155,7 @@ void RegionEntry::enter(Body& body) {
     for (const int n : model.condensed->near_node) state.v[n] *= share;
   }
 
-  // The one left stays with its region, if that is still as it was when it was entered.
-  BodyRegions& of = *body.regions;
-  BodyRegions::Far& left_region = of.far[static_cast<std::size_t>(of.present)];
   std::swap(prepared_->compliance, body.compliance);
-  if (left_region.tissue == of.in_use && of.present != region_ && !left_region.prepared) {
-    auto left = std::make_shared<PreparedRegion>();
-    left->compliance = std::move(prepared_->compliance);
-    for (const int t : left_region.tissue->near_tet)
-      if (there[t]) left->alive.push_back(t);
-    left_region.prepared = std::move(left);
-  }
   body.references = as_reference_compliance(body.compliance.get());
   std::vector<int> went;
   for (const int t : prepared_->alive)
@@ -176,8 +166,8 @@ void RegionEntry::enter(Body& body) {
   body.free.ahead = body.free.forward_solved = false;
   body.energy.elastic.resize(0);
   body.asleep = false;
-  of.present = region_;
-  of.in_use = far_;
+  body.regions->present = region_;
+  body.regions->in_use = far_;
 }
 
 }  // namespace hapticd

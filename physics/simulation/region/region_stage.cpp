@@ -117,7 +117,8 @@ void RegionStage::make(Bodies& bodies, const WorldSettings& settings, const std:
       return (of.regions->place(a) - from).squaredNorm() < (of.regions->place(b) - from).squaredNorm();
     });
     for (const int region : nearest_first) {
-      if (of.far[static_cast<std::size_t>(region)].tissue) continue;
+      if (of.far[static_cast<std::size_t>(region)].tissue || !of.at_surface[static_cast<std::size_t>(region)])
+        continue;
       if (enough() || of.bytes > BodyRegions::most_bytes) return;
       FarTissue far(body, region, settings);
       far.make();
@@ -144,7 +145,9 @@ void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) 
       const BodyRegions::Far& far = of.far[static_cast<std::size_t>(r)];
       const double distance = (regions.place(r) - place->ahead).norm();
       if (distance < least_unmade &&
-          (distance < looked_at * spacing ? !of.fresh(r) : !far.tissue && !far.empty)) {
+          (distance < looked_at * spacing
+               ? !of.fresh(r)
+               : !far.tissue && !far.empty && of.at_surface[static_cast<std::size_t>(r)])) {
         least_unmade = distance;
         unmade = r;
       }

@@ -43,8 +43,6 @@ BladePath put_blade(Scene& scene, double depth) {
   return way;
 }
 
-constexpr double most_start_s = 12;  // for what is far from regions, before the first step
-
 Vec3 anterior_pole(const TetMesh& mesh) {
   return *std::max_element(mesh.nodes.begin(), mesh.nodes.end(),
                            [](const Vec3& a, const Vec3& b) { return a.z() < b.z(); });
@@ -106,7 +104,7 @@ class StepRun {
     settings.compliance_options.times = &times_;
     const std::int64_t begun = monotonic_ns();
     world_ = make_world(scene_, settings);
-    world_->make_regions([begun] { return monotonic_ns() - begun > std::llround(1e9 * most_start_s); });
+    world_->make_regions([&] { return monotonic_ns() - begun > std::llround(1e9 * of.start_seconds); });
     // As the daemon does before its clock starts.
     world_->step([] { return InstrumentSample{}; }, *problem_);
     point_.start_ms = 1e-6 * static_cast<double>(monotonic_ns() - begun);
@@ -127,7 +125,8 @@ class StepRun {
       if (spent > case_.seconds && k >= fewest_steps) break;
       if (!progress(std::max(spent / case_.seconds, static_cast<double>(k + 1) / (warm_up + case_.steps))))
         break;
-      if (keeps_references(case_.method)) intended = next(intended);
+      // What other threads make for it comes in time or not.
+      if (keeps_references(case_.method) || case_.near > 0) intended = next(intended);
     }
     return point();
   }

@@ -44,6 +44,7 @@ struct StepCase {
   // Of the tissue, what is nearer than that to the tip is simulated, the rest condensed
   // (physics/simulation/region); 0: all is simulated [mean edges of the mesh].
   double near = 0;
+  double start_seconds = 6;  // for what is far from regions, before the first step
 };
 
 using StepParts = std::array<double, step_parts>;

@@ -31,6 +31,7 @@ struct Options {
   bool quick = false, busy = false;
   std::vector<double> near;    // [mean edges]
   std::vector<double> speeds;  // [mm/s]
+  double start_seconds = 6;
   std::string lens = "1k";
   int zone = 60;
   int repeats = 51;
@@ -75,6 +76,7 @@ std::vector<StepCase> cases_of(const Options& options) {
           for (const double near : options.near) {
             of.speed = 1e-3 * speed;
             of.near = near;
+            of.start_seconds = options.start_seconds;
             cases.push_back(of);
           }
       }
@@ -338,6 +340,10 @@ Command add_chart_step(CLI::App& chart_app) {
   app->add_option("--speeds", options->speeds, "of the points' tip: mm/s; 3")
       ->delimiter(',')
       ->check(CLI::Range(0.1, 200.0));
+  app->add_option("--start", options->start_seconds,
+                  "of the points with --near: seconds to condense regions in before the tip comes, as a "
+                  "daemon does; 6")
+      ->check(CLI::Range(0.0, 3600.0));
   app->add_option("--steps", options->steps, "of each point, at most")->check(CLI::Range(1, 1000000));
   app->add_option("--lens", options->lens, "of the factor")->check(CLI::IsMember(names_of_lenses()));
   app->add_option("--zone", options->zone, "of the factor: nodes ordered last")->check(CLI::Range(0, 1000));
