@@ -79,8 +79,10 @@ class World {
   // the condensed problem approximates. Changes nothing that a step would see but warm starts.
   ContactSolution solve_unfrozen(const InstrumentSamples& samples, const CondensedProblem& published);
 
-  // Before the first step: regions that an instrument may come to (region/region_stage.h).
-  void make_regions(const std::function<bool()>& enough) { RegionStage::make(bodies_, settings_, enough); }
+  // Before the first step: regions that an instrument may come to (region/region_stage.h). Returns how many.
+  int make_regions(const std::function<bool(int made)>& enough) {
+    return RegionStage::make(bodies_, settings_, enough);
+  }
 
   // A step's factor is made for the step to come, which then latches its pose at once.
   bool looks_ahead() const { return prediction_.active(); }

@@ -35,11 +35,7 @@ std::optional<std::filesystem::path> recording_of(const WorldSessionOptions& opt
 std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times, const World* before) {
   WorldSettings settings = world_settings(scene);
   settings.compliance_options.times = &times;
-  if (!before) {
-    std::unique_ptr<World> world = make_world(scene, settings);
-    world->make_regions([end = monotonic_ns() + regions_ns] { return monotonic_ns() > end; });
-    return world;
-  }
+  if (!before) return make_world(scene, settings);
   Scene again = scene;
   for (std::size_t b = 0; b < again.bodies.size(); ++b)
     if (before->bodies()[b].regions) again.bodies[b].start = first_start_of(before->bodies()[b]);
@@ -107,7 +103,9 @@ WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>
       edge_.emplace(to_edge, link, copies_, instruments_);
   }
   if (options.schedule) {
-    schedule_.emplace(*options.schedule, scene, devices);
+    Scene as_begun = scene;
+    as_begun.regions = now_->regions;
+    schedule_.emplace(*options.schedule, as_begun, devices);
     now_->loop->record_into(schedule_->steps());
     haptic_->record_into(schedule_->ticks());
   }
@@ -120,7 +118,9 @@ WorldSession::WorldSession(const Scene& scene, const std::vector<DeviceSettings>
 
 WorldSession::Simulated::Simulated(const Scene& of, PartTimes& times, const Simulated* before)
     : scene(&of),
-      world(timed_world(of, times, before && before->scene == &of ? before->world.get() : nullptr)) {}
+      world(timed_world(of, times, before && before->scene == &of ? before->world.get() : nullptr)),
+      regions(world->make_regions(
+          [end = before ? 0 : monotonic_ns() + regions_ns](int) { return monotonic_ns() > end; })) {}
 
 std::unique_ptr<WorldSession::Simulated> WorldSession::simulated(const Scene& scene) {
   auto made = std::make_unique<Simulated>(scene, times_, now_.get());

@@ -121,6 +121,7 @@ class WorldSession {
     Simulated(const Scene& scene, PartTimes& times, const Simulated* before);
     const Scene* scene;
     std::unique_ptr<World> world;
+    int regions;  // that were condensed before the clock starts
     Channel<CondensedProblem> problems;
     std::optional<SimulationLoop> loop;
   };

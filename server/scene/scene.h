@@ -70,6 +70,7 @@ struct Scene {
   std::string name;
   std::filesystem::path file;
   double rate = 50;        // simulation [Hz]
+  int regions = 0;         // near regions condensed before the first step; of a run that was recorded
   bool plans = false;      // model: auto: what is not pinned is chosen at the start (plan.h)
   double accuracy = 0.02;  // RMS force error that a plan may have, of the peak force
   bool friction = true;    // false: every μ counts as 0

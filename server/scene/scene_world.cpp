@@ -76,7 +76,9 @@ std::unique_ptr<World> make_world(const Scene& scene, const WorldSettings& setti
                       b.springs,
                       b.near,
                       deforms(b) ? b.start : nullptr});
-  return std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
+  auto world = std::make_unique<World>(std::move(bodies), shapes_of(scene), settings);
+  world->make_regions([&](int made) { return made >= scene.regions; });
+  return world;
 }
 
 std::unique_ptr<World> make_world(const Scene& scene) { return make_world(scene, world_settings(scene)); }

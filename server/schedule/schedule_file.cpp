@@ -141,18 +141,18 @@ Quat quaternion_of(const json& j) { return Quat(number(j, 3), number(j, 0), numb
 
 json to_json(const DeviceSettings& d) {
   json j{{"id", d.id},
-          {"max_force", d.max_force},
-          {"max_torque", d.max_torque},
-          {"max_force_rate", d.max_force_rate},
-          {"max_speed", d.max_speed},
-          {"workspace_radius", d.workspace_radius},
-          {"damping", d.damping},
-          {"quantum", d.quantum},
-          {"position_scale", d.position_scale},
-          {"force_scale", d.force_scale},
-          {"origin", numbers(d.origin)},
-          {"frame", numbers(d.frame)},
-          {"tool", numbers(d.tool)}};
+         {"max_force", d.max_force},
+         {"max_torque", d.max_torque},
+         {"max_force_rate", d.max_force_rate},
+         {"max_speed", d.max_speed},
+         {"workspace_radius", d.workspace_radius},
+         {"damping", d.damping},
+         {"quantum", d.quantum},
+         {"position_scale", d.position_scale},
+         {"force_scale", d.force_scale},
+         {"origin", numbers(d.origin)},
+         {"frame", numbers(d.frame)},
+         {"tool", numbers(d.tool)}};
   if (d.pivot) j["pivot"] = {{"point", numbers(d.pivot->point)}, {"axis", numbers(d.pivot->axis)}};
   return j;
 }
@@ -190,6 +190,7 @@ json header_of(const Scene& scene, const std::vector<DeviceSettings>& devices) {
           {"scene_file", std::filesystem::absolute(scene.file).string()},
           {"fingerprint", fingerprint(scene)},
           {"devices", of_devices},
+          {"regions", scene.regions},
           {"choices",
            {{"compliance", scene.compliance},
             {"contact", scene.contact},
@@ -330,6 +331,7 @@ Scene as_run(const Schedule& schedule, Scene scene) {
     };
     if (bodies.size() != scene.bodies.size()) throw other();
     scene.plans = false;
+    scene.regions = header.at("regions").get<int>();
     scene.compliance = choices.at("compliance").get<ComplianceMethod>();
     scene.contact = choices.at("contact").get<Renewal>();
     scene.friction = choices.at("friction").get<bool>();

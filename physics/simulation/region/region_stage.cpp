@@ -4,6 +4,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "physics/simulation/region/body_regions.h"
@@ -37,7 +38,9 @@ class FarTissue final : public ReferenceFactor {
     far_ = regions_->make(region_, gone_);
     if (far_) prepared_ = prepare_region(*whole_, *far_, far_->near_tet, zone(), settings_);
   }
-  void give(BodyRegions& to) {
+  // failed: the region is not asked for again.
+  void give(BodyRegions& to, bool failed) {
+    if (failed) far_.reset();
     to.take(region_, {far_, far_ == nullptr, gone_.size(), gone_.size(), std::move(prepared_)});
   }
 
@@ -106,7 +109,9 @@ void RegionStage::follow(Bodies& bodies, const std::vector<std::vector<int>>& go
       bodies[b].regions->gone.insert(bodies[b].regions->gone.end(), gone[b].begin(), gone[b].end());
 }
 
-void RegionStage::make(Bodies& bodies, const WorldSettings& settings, const std::function<bool()>& enough) {
+int RegionStage::make(Bodies& bodies, const WorldSettings& settings,
+                      const std::function<bool(int made)>& enough) {
+  int made = 0;
   for (Body& body : bodies) {
     if (!body.regions) continue;
     BodyRegions& of = *body.regions;
@@ -119,12 +124,19 @@ void RegionStage::make(Bodies& bodies, const WorldSettings& settings, const std:
     for (const int region : nearest_first) {
       if (of.far[static_cast<std::size_t>(region)].tissue || !of.at_surface[static_cast<std::size_t>(region)])
         continue;
-      if (enough() || of.bytes > BodyRegions::most_bytes) return;
+      if (enough(made) || of.bytes > BodyRegions::most_bytes) return made;
       FarTissue far(body, region, settings);
-      far.make();
-      far.give(of);
+      bool failed = false;
+      try {
+        far.make();
+      } catch (const std::runtime_error&) {
+        failed = true;
+      }
+      far.give(of, failed);
+      ++made;
     }
   }
+  return made;
 }
 
 void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) {
@@ -157,11 +169,11 @@ void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) 
       }
     }
     const auto of_body = static_cast<int>(b);
-    const bool anew = of.far[static_cast<std::size_t>(entry)].tissue != of.in_use;
+    const std::shared_ptr<const CondensedTissue>& tissue = of.far[static_cast<std::size_t>(entry)].tissue;
+    const bool anew = tissue && tissue != of.in_use;
     if (!p.entry_under_way && (entry != of.present || anew)) {
       p.entry_under_way = true;
       p.steps = 0;
-      const std::vector<int>& near = of.far[static_cast<std::size_t>(entry)].tissue->near_node;
       const bool elsewhere = body.references != nullptr;
       const Zone zone = select_zone(body, {c.instruments,
                                            c.motion,
@@ -172,7 +184,7 @@ void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) 
                                            {},
                                            {},
                                            c.contacts.nodes_of(of_body),
-                                           near});
+                                           tissue->near_node});
       jobs.push_back({of_body, std::make_unique<RegionEntry>(body, entry, zone.nodes, c.settings), false,
                       JobKind::entry});
     }
@@ -191,12 +203,17 @@ std::vector<int> RegionStage::take_over(Bodies& bodies) {
     Progress& p = progress_[static_cast<std::size_t>(job.body)];
     if (job.kind == JobKind::far_tissue) {
       p.making = false;
-      if (!job.failed) static_cast<FarTissue&>(*job.reference).give(*body.regions);
+      static_cast<FarTissue&>(*job.reference).give(*body.regions, job.failed);
       continue;
     }
     p.entry_under_way = false;
     p.last_steps = std::max(1, p.steps);
-    if (job.failed) continue;
+    if (job.failed) {
+      const int region = static_cast<RegionEntry&>(*job.reference).region();
+      body.regions->take(region,
+                         {nullptr, true, body.regions->gone.size(), body.regions->gone.size(), nullptr});
+      continue;
+    }
     static_cast<RegionEntry&>(*job.reference).enter(body);
     entered.push_back(job.body);
   }

@@ -8,7 +8,7 @@
 //
 // One entry and one region are under way at a time for a body. A step never waits: until the next region is
 // entered, an instrument that leaves the present one meets tissue that is rigid, and the step reports that
-// (StepReport::condensed_nodes). Units: m, steps. Errors: a job that `failed` is dropped.
+// (StepReport::condensed_nodes). Units: m, steps. Errors: a region whose job `failed` is left out from then on.
 #pragma once
 
 #include <functional>
@@ -27,7 +27,8 @@ class RegionStage {
   static void follow(Bodies& bodies, const std::vector<std::vector<int>>& gone);
 
   // Before the first step: regions around those that bodies begin in, nearest first, until that is enough.
-  static void make(Bodies& bodies, const WorldSettings& settings, const std::function<bool()>& enough);
+  // Returns how many.
+  static int make(Bodies& bodies, const WorldSettings& settings, const std::function<bool(int made)>& enough);
 
   // Between steps.
   void wanted(const StepContext& c, std::vector<ReferenceJob>& jobs);

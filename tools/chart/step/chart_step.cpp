@@ -104,7 +104,7 @@ class StepRun {
     settings.compliance_options.times = &times_;
     const std::int64_t begun = monotonic_ns();
     world_ = make_world(scene_, settings);
-    world_->make_regions([&] { return monotonic_ns() - begun > std::llround(1e9 * of.start_seconds); });
+    world_->make_regions([&](int) { return monotonic_ns() - begun > std::llround(1e9 * of.start_seconds); });
     // As the daemon does before its clock starts.
     world_->step([] { return InstrumentSample{}; }, *problem_);
     point_.start_ms = 1e-6 * static_cast<double>(monotonic_ns() - begun);
