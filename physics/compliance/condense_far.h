@@ -20,6 +20,7 @@ namespace hapticd {
 struct NearRegion {
   Vec3 centre = Vec3::Zero();  // [m]
   double radius = 0;           // [m]
+  bool follows = false;        // the first instrument; centre: where it begins (near_regions.h)
 };
 
 // near: per tetrahedron. Null: nothing is far that was not before. Pre: the state's shape is at rest. What is

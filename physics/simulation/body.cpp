@@ -85,7 +85,12 @@ Body::Body(BodySettings settings, double h, const Vec3& gravity, ComplianceMetho
     throw std::invalid_argument(name +
                                 ": a static body cannot be removable: pieces cut loose need their mass");
   if (!deformable) return;
-  if (settings.near && !settings.start) regions = begin_regions(model, *settings.near);
+  if (settings.near && !settings.start) {
+    if (settings.near->follows)
+      regions = begin_regions(model, *settings.near);
+    else
+      condense_far(model, state, *settings.near);
+  }
   if (regions) use_condensed(model, state, regions->in_use);
   if (settings.start) regions = settings.start->regions;
   compliance = make_compliance(method, model, h, options);
@@ -100,10 +105,13 @@ std::shared_ptr<const BodyStart> start_of(const Body& body) {
 }
 
 std::shared_ptr<const BodyStart> first_start_of(const Body& body) {
-  if (!body.regions) return nullptr;
-  auto start = std::make_shared<BodyStart>(BodyStart{*body.regions->whole, rest_state(*body.regions->whole),
-                                                     BoundarySurface(body.model.mesh),
-                                                     as_at_first(*body.regions)});
+  if (!body.model.condensed) return nullptr;
+  if (!body.regions)  // nothing of what is condensed goes
+    return std::make_shared<const BodyStart>(
+        BodyStart{body.model, rest_state(body.model), BoundarySurface(body.model.mesh)});
+  auto start =
+      std::make_shared<BodyStart>(BodyStart{*body.regions->whole, rest_state(*body.regions->whole),
+                                            BoundarySurface(body.model.mesh), as_at_first(*body.regions)});
   use_condensed(start->model, start->state, start->regions->in_use);
   return start;
 }

@@ -38,7 +38,7 @@ std::unique_ptr<World> timed_world(const Scene& scene, PartTimes& times, const W
   if (!before) return make_world(scene, settings);
   Scene again = scene;
   for (std::size_t b = 0; b < again.bodies.size(); ++b)
-    if (before->bodies()[b].regions) again.bodies[b].start = first_start_of(before->bodies()[b]);
+    if (before->bodies()[b].model.condensed) again.bodies[b].start = first_start_of(before->bodies()[b]);
   return make_world(again, settings);
 }
 

@@ -50,8 +50,9 @@ NearRegion read_near(const YamlMap& yaml, const SceneBody& body) {
   if (yaml.flag("floating", false))
     throw yaml.error("floating", "cannot stand beside near: what is condensed has to be held");
   const YamlMap region = yaml.map("near");
-  region.only({"centre", "radius"});
-  const NearRegion near{region.vec3("centre"), region.number("radius", length)};
+  region.only({"centre", "radius", "follows"});
+  const NearRegion near{region.vec3("centre"), region.number("radius", length),
+                        region.flag("follows", false)};
   const auto is_near = [&](const Tet& t) {
     const auto& x = body.mesh.nodes;
     return (0.25 * (x[t[0]] + x[t[1]] + x[t[2]] + x[t[3]]) - near.centre).norm() <= near.radius;

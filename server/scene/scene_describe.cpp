@@ -50,9 +50,9 @@ void describe_parts(std::string& out, const SceneBody& body) {
   }
   if (nodes > 0) line(out, "           springs on %d nodes, %.4g N/m together", nodes, stiffness);
   if (body.near)
-    line(out, "           simulated within %.3g mm of the instrument, at first of (%.3g, %.3g, %.3g) mm",
-         1e3 * body.near->radius, 1e3 * body.near->centre.x(), 1e3 * body.near->centre.y(),
-         1e3 * body.near->centre.z());
+    line(out, "           simulated within %.3g mm of %s(%.3g, %.3g, %.3g) mm", 1e3 * body.near->radius,
+         body.near->follows ? "the instrument, at first of " : "", 1e3 * body.near->centre.x(),
+         1e3 * body.near->centre.y(), 1e3 * body.near->centre.z());
 }
 
 void describe_body(std::string& out, const SceneBody& body) {

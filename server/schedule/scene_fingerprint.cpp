@@ -84,6 +84,7 @@ std::uint64_t fingerprint(const Scene& s) {
     if (b.near) {
       f.add(b.near->centre);
       f.add(b.near->radius);
+      f.add(b.near->follows);
     }
     for (const bool flag : {b.removable, b.corotational, b.dynamic, b.simulated}) f.add(flag);
   }

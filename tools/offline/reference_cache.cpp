@@ -132,6 +132,7 @@ std::uint64_t reference_key(const Scene& scene, const OfflineInput& input, doubl
     if (b.near) {
       hash.vector(b.near->centre);
       hash.number(b.near->radius);
+      hash.number(b.near->follows);
     }
     hash.number(b.tearing.begins);
     hash.bytes(b.tearing.clefts.data(), b.tearing.clefts.size());

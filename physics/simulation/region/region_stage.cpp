@@ -17,6 +17,7 @@ namespace {
 constexpr double better = 0.25;     // of the spacing: what another region has to be nearer by
 constexpr double most_ahead = 0.3;  // of the radius: how far ahead of the instrument a region may be
 constexpr double looked_at = 2.5;   // of the spacing: within that, what was made is made anew if need be
+constexpr double made_within = 2;   // of the radius: beyond, none is made before the instrument comes nearer
 constexpr int chord = 4;            // of the way that says where the instrument goes [steps]
 constexpr int most_steps = 12;      // that it is looked ahead by
 
@@ -152,7 +153,7 @@ void RegionStage::wanted(const StepContext& c, std::vector<ReferenceJob>& jobs) 
     const double spacing = regions.spacing();
     int entry = of.present, unmade = -1;
     double least = (regions.place(of.present) - place->ahead).norm() - better * spacing;
-    double least_unmade = std::numeric_limits<double>::infinity();
+    double least_unmade = made_within * regions.radius();
     for (int r = 0; r < regions.count(); ++r) {
       const BodyRegions::Far& far = of.far[static_cast<std::size_t>(r)];
       const double distance = (regions.place(r) - place->ahead).norm();

@@ -4,11 +4,12 @@
 //   entry   of the made region nearest to the place, where it is nearer by a quarter of the spacing than the
 //           present one's, or where the present one's far tissue was made anew    (region_entry.h)
 //   made    the region nearest to the place whose far tissue is not made, or lost something since; beyond
-//           its neighbours only those of the surface, where instruments come first
+//           its neighbours only those of the surface, where instruments come first, within two radii
 //
 // One entry and one region are under way at a time for a body. A step never waits: until the next region is
 // entered, an instrument that leaves the present one meets tissue that is rigid, and the step reports that
-// (StepReport::condensed_nodes). Units: m, steps. Errors: a region whose job `failed` is left out from then on.
+// (StepReport::condensed_nodes). Units: m, steps. Errors: a region whose job `failed` is left out from then
+// on.
 #pragma once
 
 #include <functional>

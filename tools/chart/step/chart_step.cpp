@@ -94,7 +94,7 @@ class StepRun {
       way_ = [tip = TravellingTip(scene_, {.speed = of.speed})](double t) { return tip.at(t); };
     if (of.near > 0) {
       const TetMesh& mesh = scene_.bodies[0].mesh;
-      scene_.bodies[0].near = {anterior_pole(mesh), of.near * measure_mesh(mesh).edge.mean};
+      scene_.bodies[0].near = {anterior_pole(mesh), of.near * measure_mesh(mesh).edge.mean, true};
       point_.near_mm = 1e3 * scene_.bodies[0].near->radius;
     }
     scene_.compliance = of.method;

@@ -23,7 +23,7 @@ BodySettings block(bool condensed, bool corotational = true) {
     if (settings.mesh.nodes[n].z() < 1e-9) settings.fixed_nodes.push_back(static_cast<int>(n));
   settings.removable = true;
   settings.corotational = corotational;
-  if (condensed) settings.near = NearRegion{Vec3(0.008, 0.01, size.z()), 6e-3};
+  if (condensed) settings.near = NearRegion{Vec3(0.008, 0.01, size.z()), 6e-3, true};
   return settings;
 }
 
