@@ -195,6 +195,7 @@ const NearRegions::Hull& NearRegions::hull_of(int own, std::span<const int> gone
   const bool anew = outdated(branch, gone);
   if (branch.hull && !anew) return *branch.hull;
   if (branch.hull) bytes_ -= branch.hull->bytes;
+  branch.hull.reset();  // what follows may throw
   branch.hull = condensed(from, branch, gone);
   bytes_ += branch.hull->bytes;
   ++made_;

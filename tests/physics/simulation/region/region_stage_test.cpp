@@ -121,7 +121,7 @@ TEST(RegionStage, AnotherRegionGoesOnWhereTheWholeBodyIs) {
   }
   EXPECT_GT(compared, 100);
   EXPECT_GT(largest, 1e-5);
-  EXPECT_LT(off, 0.02 * largest);  // the condensed tissue's mass is lumped
+  EXPECT_LT(off, 1e-3 * largest);  // at rest but for what 400 steps left
 }
 
 // Random strokes that take tissue away, regions entered as they come: nothing bursts, what went stays gone,
