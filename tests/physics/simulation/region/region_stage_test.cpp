@@ -107,7 +107,9 @@ TEST(RegionStage, AnotherRegionGoesOnWhereTheWholeBodyIs) {
   // The tip comes above the block's other end, and touches nothing.
   const int before = near->bodies()[0].regions->present;
   int entered = 0;
-  for (int k = 0; k < 12; ++k) entered += step(*near, at(Vec3(0.02, 0.01, 0.02))).regions_entered;
+  // Looked at in the step that enters: later what begins elsewhere would have come there by itself.
+  for (int k = 0; k < 12 && entered == 0; ++k)
+    entered += step(*near, at(Vec3(0.02, 0.01, 0.02))).regions_entered;
   EXPECT_GT(entered, 0);
   EXPECT_NE(near->bodies()[0].regions->present, before);
   const Body &n = near->bodies()[0], &w = whole->bodies()[0];
