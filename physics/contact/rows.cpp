@@ -18,9 +18,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "physics/contact/candidates/contact_selection.h"
 #include "physics/contact/candidates/samples_in_reach.h"
 #include "physics/contact/contact_pairs.h"
-#include "physics/contact/contact_selection.h"
 #include "physics/contact/cutting/edge_rows.h"
 #include "physics/contact/delassus.h"
 #include "physics/contact/delassus_columns.h"

@@ -1,8 +1,9 @@
 // How much was left out where there was more than the capacity takes (status_contacts_dropped).
 //
 // Of each tick the contacts that were solved, and the overlapping ones that were not. Which are left out:
-// physics/contact/contact_selection.h. Of the problems the tissue within reach that had no place in them, as
-// surface samples (physics/simulation/patch.h): nothing is felt of it until the next problem. Errors: none.
+// physics/contact/candidates/contact_selection.h. Of the problems the tissue within reach that had no place
+// in them, as surface samples (physics/simulation/patch.h): nothing is felt of it until the next problem.
+// Errors: none.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-#include "physics/contact/contact_selection.h"
+#include "physics/contact/candidates/contact_selection.h"
 
 #include <gtest/gtest.h>
 
