@@ -18,6 +18,7 @@
 #include <array>
 #include <cstdint>
 
+#include "physics/contact/contact_memory.h"
 #include "physics/contact/cutting/edge_sample.h"
 #include "physics/contact/instruments.h"
 #include "physics/types.h"
@@ -27,7 +28,6 @@ namespace hapticd {
 inline constexpr int max_patch_nodes = 192;
 inline constexpr int max_nodes_of_instrument = 96;  // of them, that one instrument fills
 inline constexpr int max_patch_samples = 2048;
-inline constexpr int max_contacts = 100;
 inline constexpr int max_rows = 3 * max_contacts;
 
 // Who rebuilds contact geometry: nobody within the step (the paper), or every solve.

@@ -9,8 +9,8 @@
 #include <array>
 #include <cstdint>
 
-#include "physics/contact/instruments.h"
 #include "physics/contact/distance/primitive_distance.h"
+#include "physics/contact/instruments.h"
 
 namespace hapticd {
 

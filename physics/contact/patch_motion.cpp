@@ -1,4 +1,4 @@
-// Contact memory by sample id, and how the patch moves under contact forces: x = x_free + C_pp f.
+// How the patch moves under contact forces: x = x_free + C_pp f.
 #include <algorithm>
 
 #include "physics/contact/instrument_pairs.h"
@@ -72,44 +72,6 @@ NodeWeights node_weights(const CondensedProblem& problem, const ContactRow& row)
   return {problem.edge[row.edge].node, problem.edge[row.edge].weight};
 }
 
-ContactMemory& ContactMemory::operator=(const ContactMemory& other) noexcept {
-  count = other.count;
-  std::copy_n(other.entry.begin(), count, entry.begin());
-  outside = other.outside;
-  return *this;
-}
-
-const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument) const noexcept {
-  const auto end = entry.begin() + count;
-  const auto found = std::lower_bound(entry.begin(), end, id, [&](const Entry& e, std::uint64_t key) {
-    return e.id != key ? e.id < key : e.instrument < instrument;
-  });
-  return found != end && found->id == id && found->instrument == instrument ? &*found : nullptr;
-}
-
-const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument,
-                                                int primitive) const noexcept {
-  const Entry* const end = entry.data() + count;
-  for (const Entry* e = find(id, instrument); e && e != end && e->id == id && e->instrument == instrument;
-       ++e)
-    if (e->primitive == primitive) return e;
-  return nullptr;
-}
-
-const ContactMemory::Entry* ContactMemory::find(std::uint64_t id, int instrument, int primitive,
-                                                int& from) const noexcept {
-  const auto is_before = [&](const Entry& e) {
-    return e.id != id                   ? e.id < id
-           : e.instrument != instrument ? e.instrument < instrument
-                                        : e.primitive < primitive;
-  };
-  if (from > 0 && !is_before(entry[from - 1])) return find(id, instrument, primitive);
-  while (from < count && is_before(entry[from])) ++from;
-  if (from == count) return nullptr;
-  const Entry& e = entry[from];
-  return e.id == id && e.instrument == instrument && e.primitive == primitive ? &e : nullptr;
-}
-
 void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, std::span<const double> lambda,
                      PatchPositions& x) noexcept {
   NodeForces f;
@@ -123,18 +85,6 @@ void displaced_patch(const CondensedProblem& problem, const ContactRows& rows, s
     add_force(node_weights(problem, rows.row[i]), force, f);
   }
   apply_compliance(problem, f, x);
-}
-
-bool ContactMemory::knows_tissue() const noexcept {
-  return std::any_of(entry.begin(), entry.begin() + count, [](const Entry& e) { return !is_pair(e.id); });
-}
-
-Vec3 ContactMemory::force_on(std::uint64_t id) const noexcept {
-  Vec3 force = Vec3::Zero();
-  const auto begin = entry.begin(), end = begin + count;
-  auto e = std::lower_bound(begin, end, id, [](const Entry& a, std::uint64_t key) { return a.id < key; });
-  for (; e != end && e->id == id; ++e) force += e->lambda;
-  return force;
 }
 
 bool forgets(const CondensedProblem& problem, const ContactMemory& memory) noexcept {
