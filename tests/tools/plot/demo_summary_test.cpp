@@ -164,6 +164,8 @@ TEST(DemoSummary, OfTwoHandsTheOperationIsJudgedToo) {
   lens["volume_gone_share"] = 0.95;
   Verdict v = judge(daemon, replay);
   EXPECT_EQ(v.result.code, 0) << v.result.output;
+  EXPECT_NE(v.result.output.find("not kept: overlap_um_max is 30"), std::string::npos) << v.result.output;
+  EXPECT_EQ(v.result.output.find("all as it should be"), std::string::npos);
   EXPECT_EQ(v.summary["force_peak_n"], 0.9);
   EXPECT_EQ(v.summary["answered_between_stalls"], 0.992);
   EXPECT_EQ(v.summary["slots_answered"], 2 * 995);
