@@ -45,9 +45,17 @@ bool edges_are_sound(const CondensedProblem& p) noexcept {
   return true;
 }
 
+bool is_sound(const ContactMemory& m) noexcept {
+  if (m.count < 0 || m.count > max_contacts) return false;
+  return std::all_of(m.entry.begin(), m.entry.begin() + m.count, [](const ContactMemory::Entry& e) {
+    return e.lambda.allFinite() && e.anchor.allFinite() && e.other_anchor.allFinite() &&
+           std::isfinite(e.advance);
+  });
+}
+
 bool is_sound(const InstrumentReference& i) noexcept {
   return i.X_ref.p.allFinite() && std::abs(i.X_ref.q.norm() - 1) <= tolerance && i.load.allFinite() &&
-         i.way.allFinite() && at_least_zero(i.coupling.stiffness) &&
+         i.way.allFinite() && i.offset.allFinite() && at_least_zero(i.coupling.stiffness) &&
          at_least_zero(i.coupling.rotational_stiffness) && at_least_zero(i.coupling.damping_time);
 }
 
@@ -125,8 +133,8 @@ bool is_sound(const CondensedProblem& p) noexcept {
     if (!is_sound(p.sample[k], p.nodes)) return false;
   for (const InstrumentReference& i : p.instrument.value)
     if (!is_sound(i)) return false;
-  return positions_are_sound(p) && edges_are_sound(p) && at_least_zero(p.instrument_friction) &&
-         compliance_is_sound(p);
+  return positions_are_sound(p) && is_sound(p.known) && edges_are_sound(p) &&
+         at_least_zero(p.instrument_friction) && compliance_is_sound(p);
 }
 
 }  // namespace hapticd

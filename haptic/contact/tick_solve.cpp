@@ -12,6 +12,9 @@ namespace {
 constexpr double lost_tissue = 0.1e-3;     // that no contact holds, inside an instrument by more [m]
 constexpr double grip_time = 2e-3;         // time constant with which a port takes hold [s]
 constexpr double most_parts = 12;          // of the way from where a problem was made
+constexpr double catch_up_speed = 20e-3;   // at least, with which it makes up for being behind [m/s] …
+constexpr double catch_up_time = 8e-3;     // … else of this time constant [s]
+constexpr double turn_lever = 1e-3;        // [m]
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
@@ -95,35 +98,40 @@ EachInstrument<bool> astray(const CondensedProblem& published, const CondensedPr
   return on_other_side(published, instruments, made_at(published, X), published.x_now, placed, x);
 }
 
-// All meet the patch as it was published, those from where the problem was made: with forces remembered of
-// any, the patch would not begin there. It is at rest where that ends, for the way is nobody's speed.
+// Where the solve has the devices, which makes up for what it is behind them.
+InstrumentPoses catch_up(const InstrumentPoses& X, double period, EachInstrument<Vec6>& behind) noexcept {
+  for (int i = 0; i < max_instruments; ++i) {
+    Vec6& way = behind[i];
+    if (!X.present[i]) way.setZero();
+    if (way.isZero(0)) continue;
+    const double length = way.head<3>().norm() + turn_lever * way.tail<3>().norm();
+    way *= 1 - std::min(1.0, std::max(period / catch_up_time, catch_up_speed * period / length));
+  }
+  return displaced(X, behind, -1);
+}
+
+// The simulation's own contact is taken as it stands, with devices at the poses it is of: a solve that is
+// solved already, in whatever time there is. It is a step of the simulation, and at rest: the way from there
+// to X is nobody's speed, and the ticks that follow make it up. Without that contact (of a problem that came
+// over a network) it begins from no forces, those astray from where the problem was made: with forces
+// remembered of any, the patch would not begin there.
 void begin_anew(const EachInstrument<bool>& astray, const CondensedProblem& problem, Instruments instruments,
                 const InstrumentPoses& X, double tick, const ViscousOptions& viscous, ContactOptions contact,
                 HapticState& s) noexcept {
-  s.contact.memory.count = 0;
-  s.contact.coupling_offset = {};
-  const EachInstrument<Grip> grip = s.patch.grip;  // what a port still reaches it still holds
+  const double h = viscous.step > 0 ? viscous.step : tick;
+  s.contact.memory = problem.known;
+  for (int i = 0; i < max_instruments; ++i) s.contact.coupling_offset[i] = problem.instrument[i].offset;
+  s.contact.resumed = 0;
+  contact.parts = 1;
   s.patch.step = 0;
-  const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
-  s.patch.grip = grip;
-  InstrumentPoses from = X;
+  s.placed = {};
+  const CondensedProblem& now = at_tick(problem, viscous, h, s.patch);
   const InstrumentPoses made = made_at(problem, X);
   for (int i = 0; i < max_instruments; ++i)
-    if (astray[i]) from[i] = made[i];
-  const EachInstrument<Vec6> way = difference(X, from);
-  const double margin = contact.margin > 0 ? contact.margin : problem.alarm_distance;
-  const double parts = std::clamp(std::ceil(longest(way) / margin), 1.0, most_parts);
-  contact.parts = parts;
-  if (contact.deadline.bounded())
-    contact.deadline.reserve_ns += std::max<std::int64_t>(0, contact.deadline.left() / 3);
-  for (int p = 0; p <= parts; ++p) {
-    // Rows and W cost their time in each part, however little is left: the last part is X itself.
-    if (contact.deadline.passed()) p = static_cast<int>(parts);
-    s.solution =
-        solve_contact(now, instruments, displaced(from, way, p / parts), tick, contact, s.contact, s.scratch);
-  }
-  if (s.solution.status == SolveStatus::solved || s.solution.residual <= contact.usable_residual)
-    remember(s.scratch.x, s.patch);
+    s.X[i] = astray[i] || problem.known.knows_tissue() ? made[i] : X[i];
+  s.behind = difference(X, s.X);
+  if (&now == &s.patch.problem && any_port(instruments)) draw(instruments, s.X, h, 1, s);
+  s.solution = solve_contact(now, instruments, s.X, h, contact, s.contact, s.scratch);
 }
 
 }  // namespace
@@ -132,7 +140,7 @@ bool is_usable(const ContactSolution& solution, const HapticOptions& options) no
   return solution.status == SolveStatus::solved || solution.residual <= options.usable_residual;
 }
 
-bool solve_tick(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X,
+bool solve_tick(const CondensedProblem& problem, Instruments instruments, const InstrumentPoses& X_device,
                 const HapticOptions& options, const HapticInput& input, double period,
                 HapticState& s) noexcept {
   if (!is_sound_problem(problem, s)) return false;
@@ -140,6 +148,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
   contact.numbered = true;
+  const InstrumentPoses X = catch_up(X_device, period, s.behind);
   // Tissue gives way from the instant in which elements went; until then what was there before is pressed on.
   double T = period;
   if (problem.topology_changed && problem.step != s.patch.step) {
@@ -161,12 +170,10 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
     s.astray =
         astray(problem, at_tick(problem, viscous, tick, s.patch), instruments, X, s.placed, s.contact.memory);
   }
-  if (s.any_astray()) begin_anew(s.astray, problem, instruments, X, tick, viscous, contact, s);
-  // share: by which the ports take more hold.
-  const auto meet = [&](double share) -> const CondensedProblem& {
+  const auto meet = [&]() -> const CondensedProblem& {
     const CondensedProblem& now = at_tick(problem, viscous, tick, s.patch);
     const bool draws = &now == &s.patch.problem && any_port(instruments);
-    if (draws) draw(instruments, X, T, share, s);
+    if (draws) draw(instruments, X, T, taken_in(T), s);
     // A problem that an instrument has outrun is met where it was made, and on the way from there.
     if (problem.step != s.step && !s.contact.memory.knows_tissue() && contact.margin > 0) {
       const InstrumentPoses from = made_at(problem, X);
@@ -185,16 +192,14 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
     s.solution = solve_contact(now, instruments, X, T, contact, s.contact, s.scratch);
     return now;
   };
-  const CondensedProblem& now = meet(taken_in(T));
-  // What beginning anew did not free, once more would not.
-  if (s.solution.lost > s.left_inside + lost_tissue && !s.any_astray() && is_usable(s.solution, options) &&
-      !contact.deadline.passed()) {
-    s.astray = astray(problem, now, instruments, X, s.solution.instrument, s.contact.memory);
-    if (s.any_astray()) {
-      begin_anew(s.astray, problem, instruments, X, tick, viscous, contact, s);
-      meet(0);
-    }
+  if (!s.any_astray()) {
+    const CondensedProblem& now = meet();
+    // What beginning anew did not free, once more would not.
+    if (s.solution.lost > s.left_inside + lost_tissue && is_usable(s.solution, options) &&
+        !contact.deadline.passed())
+      s.astray = astray(problem, now, instruments, X, s.solution.instrument, s.contact.memory);
   }
+  if (s.any_astray()) begin_anew(s.astray, problem, instruments, X_device, tick, viscous, contact, s);
   s.left_inside = s.any_astray() ? s.solution.lost : std::min(s.left_inside, s.solution.lost);
   s.solved = true;
   s.placed = is_usable(s.solution, options) ? s.solution.instrument : InstrumentPoses();
@@ -207,6 +212,7 @@ void forget_contact(HapticState& s) noexcept {
   s.contact.coupling_offset = {};
   s.contact.frozen_step = 0;
   s.placed = {};
+  s.behind = {};
   s.patch.step = 0;
   s.unusable_for = 0;
 }

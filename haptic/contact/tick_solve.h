@@ -4,11 +4,12 @@
 // and the new one from there. A problem that an instrument has outrun is met where it was made, and on the
 // way from there. Each loop carries its own contact from problem to problem, and a sample may slip by between
 // two others: where a new problem has tissue on another side of an instrument (sides.h), or a solve has lost
-// some 0.1 mm inside one (more than beginning anew in this problem left there), the simulation has the word,
-// and the instrument meets the patch anew, as it was published. Ports take hold with a time constant of 2 ms;
-// what they would throw is not drawn. A problem, its free motion or a solution that is no number is no
+// some 0.1 mm inside one (more than beginning anew in this problem left there), the simulation has the word:
+// the loop goes on from its contact, at the devices' poses that this is of, and makes up for the way from
+// there in the ticks that follow, an eighth of it or 20 um in each. Ports take hold with a time constant of
+// 2 ms; what they would throw is not drawn. A problem, its free motion or a solution that is no number is no
 // contact, and is said.
-// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by 42 contact solves.
+// Units: m, N, s. Guarantee: noexcept, no allocation, bounded by 16 contact solves.
 #pragma once
 
 #include "haptic/haptic_step.h"

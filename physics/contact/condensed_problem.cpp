@@ -29,6 +29,7 @@ void copy_all_but_compliance(const CondensedProblem& from, CondensedProblem& to)
   std::copy_n(from.pull.begin(), from.nodes, to.pull.begin());
   std::copy_n(from.sample.begin(), from.samples, to.sample.begin());
   std::copy_n(from.edge.begin(), from.edges, to.edge.begin());
+  to.known = from.known;
   std::copy_n(from.column_scale.begin(), from.nodes, to.column_scale.begin());
 }
 

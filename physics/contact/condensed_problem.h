@@ -59,6 +59,7 @@ struct InstrumentReference {
   Vec6 load = Vec6::Zero();  // a wrench on it beside contact's: of suction, about its origin
   Vec6 way =
       Vec6::Zero();  // … and how it moves from where x_now was, if it has one: what it holds goes with it
+  Vec6 offset = Vec6::Zero();  // X_device ⊖ X_instrument after the solve that `known` is of
 };
 
 constexpr std::array<double, max_patch_nodes> all_nodes(double value) noexcept {
@@ -87,6 +88,7 @@ struct CondensedProblem {
   std::array<Vec3, max_patch_nodes> pull;  // of suction, in x_free [N]
   std::array<PatchSample, max_patch_samples> sample;  // sorted by id
   std::array<EdgeSample, max_edge_samples> edge;      // sorted by id
+  ContactMemory known;  // the simulation's last contact: what a haptic loop that begins anew takes
   // C_pp and what each node's columns of it are to be taken times: 1, but in a tick's own problem.
   std::array<double, std::size_t(9) * max_patch_nodes * max_patch_nodes> C_pp;  // [m/N]
   std::array<double, max_patch_nodes> column_scale = all_nodes(1);

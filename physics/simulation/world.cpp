@@ -131,6 +131,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
     contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);
   }
+  publish_contact(samples, problem);
   copy_in_use(problem, *published_.problem);
   report_compliance(report);
   put_to_sleep();
@@ -150,6 +151,14 @@ EachInstrument<double> World::draw(const InstrumentSamples& samples, CondensedPr
     vacuum[i] = samples[i].vacuum;
   }
   return apply_suction(instruments_, X, next, problem.x_now, vacuum, problem);
+}
+
+void World::publish_contact(const InstrumentSamples& samples, CondensedProblem& problem) {
+  const auto x_free = problem.x_free;
+  draw(samples, problem);
+  contact_.publish_contact(context_, samples, report_.contact.active > 0, problem);
+  remove_suction(problem);
+  problem.x_free = x_free;  // to the last bit
 }
 
 // Where they will be, so much later.

@@ -97,6 +97,7 @@ class World {
   const CuttingStage& cutting() const { return cutting_; }
 
  private:
+  void publish_contact(const InstrumentSamples& samples, CondensedProblem& problem);
   EachInstrument<double> draw(const InstrumentSamples& samples, CondensedProblem& problem);
   InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
   void remove(const InstrumentSamples& samples, StepReport& report);

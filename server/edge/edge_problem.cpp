@@ -279,6 +279,8 @@ ProblemFault read_problem(const hapticd_msg_EdgeProblem& m, int instruments, Con
   p.alarm_distance = m.alarm_distance;
   p.instrument_friction = m.instrument_friction;
   p.instrument = {};
+  p.known.count = 0;
+  p.known.outside = {};
   for (int i = 0; i < instruments; ++i) p.instrument[i] = instrument_of(m.instruments._buffer[i]);
   for (int n = 0; n < p.nodes; ++n) {
     const auto k = static_cast<std::size_t>(n);

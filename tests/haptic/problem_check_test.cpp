@@ -23,6 +23,8 @@ std::unique_ptr<CondensedProblem> sound_problem() {
     problem->edge[k] = {edge_id(0, k),  0,   0, {6, 7, 11, 12}, {0.2, 0.3, 0.4, 0.1}, Vec3::Zero(),
                         -Vec3::UnitZ(), 0.1, 0};
   problem->edges = 2;
+  problem->known.count = 1;
+  problem->known.entry[0] = {.id = 7, .lambda = Vec3(0, 0, 1), .anchor = Vec3::Zero(), .sticking = true};
   return problem;
 }
 
@@ -61,6 +63,12 @@ const Poison poisons[] = {
     {"limit", [](CondensedProblem& p) { p.edge[1].limit = -1e-3; }},
     {"limit infinite", [](CondensedProblem& p) { p.edge[1].limit = inf; }},
     {"advance", [](CondensedProblem& p) { p.edge[1].advance = nan; }},
+    {"contacts", [](CondensedProblem& p) { p.known.count = max_contacts + 1; }},
+    {"contact's force", [](CondensedProblem& p) { p.known.entry[0].lambda.y() = inf; }},
+    {"contact's anchor", [](CondensedProblem& p) { p.known.entry[0].anchor.x() = nan; }},
+    {"contact's other anchor", [](CondensedProblem& p) { p.known.entry[0].other_anchor.x() = nan; }},
+    {"contact's advance", [](CondensedProblem& p) { p.known.entry[0].advance = nan; }},
+    {"offset", [](CondensedProblem& p) { p.instrument[0].offset[5] = nan; }},
 };
 
 TEST(ProblemCheck, TellsPoisonedFromSound) {

@@ -72,10 +72,10 @@ struct Loop {
   HapticInput in;
   std::unique_ptr<HapticState> state = std::make_unique<HapticState>();
 
-  Loop() {
+  explicit Loop(double friction = 0) {
     Random random(3);
     SheetSettings sheet;
-    sheet.friction = 0.1;
+    sheet.friction = friction;
     pressed = sheet_problem(random, sheet);
     pressed->step = 2;
     pressed->alarm_distance = alarm;
@@ -117,11 +117,26 @@ struct Loop {
   }
 };
 
+// As the simulation ends a step: the problem from where another loop, at rest, has the patch, with that
+// loop's contact. x_free knows by β/h where the patch is now (viscous_patch.h).
+void publish(const Loop& simulation, const Vec3& device, CondensedProblem& problem) {
+  const HapticState& s = *simulation.state;
+  problem.known = s.contact.memory;
+  problem.instrument[0].offset = s.contact.coupling_offset[0];
+  problem.instrument[0].X_ref.p = device;
+  const double by_step = 2e-3 / 20e-3;
+  for (int n = 0; n < problem.nodes; ++n) {
+    problem.x_now[n] = s.scratch.x[n];
+    problem.x_free[n] = (problem.x_free[n] + by_step * problem.x_now[n]) / (1 + by_step);
+  }
+}
+
 // One that had the sheet above its ball answers as one that began with the published problem.
 TEST(Sides, TheSimulationHasTheWord) {
-  Loop began, strayed;
+  Loop began(0.1), strayed(0.1);
   const double right = began.ticks(*began.pressed, 200).force.z();
   ASSERT_GT(right, 1e-3);
+  publish(began, began.in.device[0].sample.pose.p, *strayed.pressed);
   ASSERT_EQ(strayed.ticks(*strayed.beyond, 200).force.norm(), 0);
   const ForceSample first = strayed.tick(*strayed.pressed);
   EXPECT_TRUE(first.status & status_contact_lost);
@@ -132,10 +147,20 @@ TEST(Sides, TheSimulationHasTheWord) {
   EXPECT_NEAR(strayed.ticks(*strayed.pressed, 100).force.z(), right, 1e-3 * right);
 }
 
+// Of a problem that came without the simulation's contact, it begins from no forces.
+TEST(Sides, WithoutItsContactItBeginsFromNone) {
+  Loop began, strayed;
+  const double right = began.ticks(*began.pressed, 200).force.z();
+  strayed.ticks(*strayed.beyond, 200);
+  EXPECT_TRUE(strayed.tick(*strayed.pressed).status & status_contact_lost);
+  EXPECT_NEAR(strayed.ticks(*strayed.pressed, 100).force.z(), right, 1e-3 * right);
+}
+
 // Within a problem, too: a ball whose hand goes on by more than its radius in a tick has its centre beyond
-// the sheet, and no row holds what is in it. It is met on the way from where the problem was made.
+// the sheet, and no row holds what is in it. It is met where the problem was made, and then on the way from
+// there.
 TEST(Sides, WhatASolveLosesIsMetAnewInThatTick) {
-  Loop loop;
+  Loop loop(0.1);
   const double before = loop.ticks(*loop.pressed, 50).force.z();
   ASSERT_GT(before, 1e-3);
   loop.in.device[0].sample.pose.p.z() -= 1.5e-3;
@@ -143,6 +168,47 @@ TEST(Sides, WhatASolveLosesIsMetAnewInThatTick) {
   EXPECT_TRUE(f.status & status_contact_lost);
   EXPECT_LT(f.penetration, 1e-6);
   EXPECT_GT(loop.ticks(*loop.pressed, 100).force.z(), 2 * before);
+}
+
+// A ball that is drawn sideways by less than it takes to slip is held by where it first touched, which a
+// beginning from no forces cannot know.
+TEST(Sides, WhatTheSimulationsContactHoldsIsHeld) {
+  Loop simulation(0.3), strayed(0.3);
+  simulation.ticks(*simulation.pressed, 200);
+  simulation.in.device[0].sample.pose.p.x() += 20e-6;
+  const Vec3 right = simulation.ticks(*simulation.pressed, 200).force;
+  ASSERT_GT(std::abs(right.x()), 0.05 * right.z());
+  ASSERT_LT(std::abs(right.x()), 0.25 * right.z());
+
+  publish(simulation, simulation.in.device[0].sample.pose.p, *strayed.pressed);
+  strayed.ticks(*strayed.beyond, 200);
+  strayed.in.device[0].sample.pose = simulation.in.device[0].sample.pose;
+  EXPECT_TRUE(strayed.tick(*strayed.pressed).status & status_contact_lost);
+  EXPECT_LT((strayed.ticks(*strayed.pressed, 100).force - right).norm(), 1e-3 * right.norm());
+}
+
+// What the device went on by since the problem was made is made up for in ticks: an eighth of it in each, and
+// no less than 20 um, with the first one's force that of the simulation's own solve.
+TEST(Sides, TheWayFromThereIsMadeUpFor) {
+  Loop simulation, strayed, right;
+  const Vec3 made = simulation.in.device[0].sample.pose.p, device = made - Vec3(0, 0, 0.32e-3);
+  const double first = simulation.ticks(*simulation.pressed, 200).force.z();
+  publish(simulation, made, *strayed.pressed);
+  right.in.device[0].sample.pose.p = strayed.in.device[0].sample.pose.p = device;
+  const double last = right.ticks(*right.pressed, 200).force.z();
+  ASSERT_GT(last, 1.5 * first);
+
+  strayed.ticks(*strayed.beyond, 200);
+  double behind = 0.32e-3;
+  strayed.tick(*strayed.pressed);
+  EXPECT_NEAR(strayed.state->solution.wrench[0][2], first, 1e-6 * first);
+  for (int i = 0; i < 14; ++i) {
+    EXPECT_NEAR(strayed.state->behind[0].head<3>().norm(), behind, 1e-12) << i;
+    behind = std::max(0.0, behind - std::max(behind / 8, 20e-6));
+    strayed.tick(*strayed.pressed);
+  }
+  EXPECT_EQ(strayed.state->behind[0].norm(), 0);
+  EXPECT_NEAR(strayed.ticks(*strayed.pressed, 200).force.z(), last, 1e-6 * last);
 }
 
 }  // namespace

@@ -9,8 +9,15 @@
 namespace hapticd {
 namespace {
 
-constexpr double far_step = 0.6;   // in alarm distances
-constexpr double most_parts = 32;  // of a step's way that contact is solved on
+constexpr double far_step = 0.6;     // in alarm distances
+constexpr double most_parts = 32;    // of a step's way that contact is solved on
+constexpr double turned = 1e-3;      // by which forces may have, where the end of a step is solved for
+constexpr double near_enough = 0.3;  // of the margin, to be a row there from the begin
+
+void know(const ContactState& contact, CondensedProblem& problem) {
+  problem.known = contact.memory;
+  for (int i = 0; i < max_instruments; ++i) problem.instrument[i].offset = contact.coupling_offset[i];
+}
 
 }  // namespace
 
@@ -76,7 +83,9 @@ int correct_bodies(const StepContext& c, const VecX& patch_force) {
 }
 
 InstrumentContact::InstrumentContact(double sample_spacing)
-    : gatherer_(sample_spacing), scratch_(std::make_unique<ContactScratch>()) {}
+    : gatherer_(sample_spacing),
+      scratch_(std::make_unique<ContactScratch>()),
+      published_scratch_(std::make_unique<ContactScratch>()) {}
 
 void InstrumentContact::gather(const StepContext& c, const InstrumentPoses& X, std::span<const NearFace> near,
                                std::span<const PatchNode> first, bool topology_changed,
@@ -87,10 +96,28 @@ void InstrumentContact::gather(const StepContext& c, const InstrumentPoses& X, s
   problem.topology_changed = topology_changed;
   problem.alarm_distance = s.alarm_distance;
   for (int i = 0; i < max_instruments; ++i) problem.instrument[i] = {X[i], s.coupling[i]};
+  know(state.solver, problem);
   problem.instrument_friction = s.instrument_friction;
   problem.pull.fill(Vec3::Zero());
   gatherer_.gather(c.bodies, c.instruments, X, s.alarm_distance, near, problem, first);
   place(c, problem);
+}
+
+// The problem at the end of a step is another than the one that was solved: the state is corrected, and
+// linearised ahead.
+void InstrumentContact::publish_contact(const StepContext& c, const InstrumentSamples& samples, bool presses,
+                                        CondensedProblem& problem) {
+  ContactState known = state.solver;
+  if (presses && problem.renewal == Renewal::renewed) {
+    const Within solve(c.times(), StepPart::solve);
+    ContactOptions options = contact_options(c.settings);
+    options.turned = turned;
+    options.activation_distance = near_enough * options.margin;
+    if (!usable(solve_contact(problem, c.instruments, poses_of(samples), c.settings.h, options, known,
+                              *published_scratch_)))
+      known = state.solver;
+  }
+  know(known, problem);
 }
 
 void InstrumentContact::place(const StepContext& c, CondensedProblem& problem) const {

@@ -52,6 +52,11 @@ class InstrumentContact {
   // x_now and x_free of the present state and free motion.
   void place(const StepContext& c, CondensedProblem& problem) const;
 
+  // Contact of the problem that a step ends with, at the poses it was gathered at, into the problem.
+  // presses: whether the step's solve did.
+  void publish_contact(const StepContext& c, const InstrumentSamples& samples, bool presses,
+                       CondensedProblem& problem);
+
   void condense(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
                 CondensedProblem& problem, StepReport& report);
 
@@ -67,7 +72,8 @@ class InstrumentContact {
 
  private:
   PatchGatherer gatherer_;
-  std::unique_ptr<ContactScratch> scratch_;
+  std::unique_ptr<ContactScratch> scratch_;            // of the step's solve
+  std::unique_ptr<ContactScratch> published_scratch_;  // … and of the problem's that it ends with
   MatX block_;
   std::uint64_t problems_ = 0;
 };
