@@ -14,7 +14,7 @@ constexpr double grip_time = 2e-3;         // time constant with which a port ta
 constexpr double most_parts = 12;          // of the way from where a problem was made
 constexpr double catch_up_speed = 20e-3;   // at least, with which it makes up for being behind [m/s] …
 constexpr double catch_up_time = 8e-3;     // … else of this time constant [s]
-constexpr double turn_lever = 1e-3;        // [m]
+constexpr double turn_lever = 1e-3;        // by which a turn counts as a way [m]
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
@@ -98,7 +98,7 @@ EachInstrument<bool> astray(const CondensedProblem& published, const CondensedPr
   return on_other_side(published, instruments, made_at(published, X), published.x_now, placed, x);
 }
 
-// Where the solve has the devices, which makes up for what it is behind them.
+// Where this tick has the devices: nearer to where they are by a part of what the last one was behind.
 InstrumentPoses catch_up(const InstrumentPoses& X, double period, EachInstrument<Vec6>& behind) noexcept {
   for (int i = 0; i < max_instruments; ++i) {
     Vec6& way = behind[i];

@@ -170,8 +170,7 @@ TEST(Sides, WhatASolveLosesIsMetAnewInThatTick) {
   EXPECT_GT(loop.ticks(*loop.pressed, 100).force.z(), 2 * before);
 }
 
-// A ball that is drawn sideways by less than it takes to slip is held by where it first touched, which a
-// beginning from no forces cannot know.
+// A ball that is drawn sideways by less than it takes to slip is held by where it first touched.
 TEST(Sides, WhatTheSimulationsContactHoldsIsHeld) {
   Loop simulation(0.3), strayed(0.3);
   simulation.ticks(*simulation.pressed, 200);
@@ -185,6 +184,20 @@ TEST(Sides, WhatTheSimulationsContactHoldsIsHeld) {
   strayed.in.device[0].sample.pose = simulation.in.device[0].sample.pose;
   EXPECT_TRUE(strayed.tick(*strayed.pressed).status & status_contact_lost);
   EXPECT_LT((strayed.ticks(*strayed.pressed, 100).force - right).norm(), 1e-3 * right.norm());
+}
+
+// A solver that may hardly do anything is enough where the simulation has solved it.
+TEST(Sides, WhatTheSimulationSolvedIsSolved) {
+  for (const bool published : {true, false}) {
+    Loop simulation(0.3), strayed(0.3);
+    simulation.ticks(*simulation.pressed, 400);
+    publish(simulation, simulation.in.device[0].sample.pose.p, *strayed.pressed);
+    if (!published) strayed.pressed->known.count = 0;
+    strayed.ticks(*strayed.beyond, 200);
+    strayed.options.contact.coulomb.max_sweeps = strayed.options.contact.coulomb.max_newton = 1;
+    EXPECT_TRUE(strayed.tick(*strayed.pressed).status & status_contact_lost);
+    EXPECT_EQ(strayed.state->solution.status == SolveStatus::solved, published);
+  }
 }
 
 // What the device went on by since the problem was made is made up for in ticks: an eighth of it in each, and

@@ -211,7 +211,7 @@ TEST(OutOfMemory, AtTheStartIsSaidAndEndsWithOne) {
     };
     // Before main it is the loader's to say, or OpenBLAS's, or octomap's, which makes a static object. (With
     // hardly more, OpenBLAS spins at the end of a program that says its version.)
-    if (run_with("timeout 1 " BIN_DIR "/hapticd --version").output.find("hapticd ") == std::string::npos)
+    if (run_with("timeout 5 " BIN_DIR "/hapticd --version").output.find("hapticd ") == std::string::npos)
       continue;
     const CommandResult r = run_with(BIN_DIR "/hapticd " + cube + " --duration 0.1 --domain " +
                                      std::to_string(100 + getpid() % 50));
