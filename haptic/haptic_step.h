@@ -80,7 +80,7 @@ struct HapticState {
   InstrumentPoses X;             // of those in contact, in the last contact solve
   InstrumentPoses placed;        // where the last usable solve put them
   EachInstrument<bool> astray;   // in this tick the solve began anew (contact/tick_solve.h)
-  EachInstrument<Vec6> behind;   // how far the solve has it behind its device, for the ticks to come to make up
+  EachInstrument<Vec6> behind;   // its device, in the last solve; ticks make up for it
   double left_inside = 0;        // of tissue, that beginning anew in this problem did not free [m]
   bool solved = false;           // this tick ran the contact solve …
   ContactSolution solution;      // … and this came out, in the scene
