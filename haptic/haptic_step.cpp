@@ -98,6 +98,14 @@ Wrench contact_wrench(const CondensedProblem& problem, int i, const EachInstrume
   return d.good;
 }
 
+// Of a problem that has grown old: −b v, and no more than contact last was, or a late step would be a blow to
+// a hand that moves fast.
+Vec3 damping_force(const DeviceSettings& device, const DeviceState& d) noexcept {
+  const Vec3 force = -device.damping * d.watchdog.velocity;
+  const double size = force.norm(), most = d.good.force.norm();
+  return size > most ? Vec3(most / size * force) : force;
+}
+
 // Nothing is rendered, so nothing may be remembered that a later arming would feel.
 ForceSample zero_output(ForceSample answer, DeviceState& d) noexcept {
   d.blend.left = 0;
@@ -255,7 +263,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
     if (render == Render::contact)
       wrench = finite ? contact_wrench(*problem, i, verdict, device, options, s, answer[i]) : nan_wrench;
     else if (render == Render::damp)
-      wrench = {-device.damping * d.watchdog.velocity, Vec3::Zero()};
+      wrench = {damping_force(device, d), Vec3::Zero()};
     // As far as the other's own force has risen.
     if (render == Render::contact && device.ghost && X.present[device.ghost->of])
       wrench.force += verdict[device.ghost->of].gain * ghost_force(device, X[i].p, X[device.ghost->of].p);

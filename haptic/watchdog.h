@@ -1,7 +1,7 @@
 // The safety table as a pure state machine: what may the device feel in this tick?
 //
 //   no valid state for 3 / 10 / 100 ms           last force held / ramp to zero in 5 ms / release, disarmed
-//   problem older than 60 / 200 ms               damping only, F = −b v / release
+//   problem older than 60 / 200 ms               damping only, F = −b v, no more than was felt / release
 //   own gap ≥ 5 ms                               that tick counts its state as being as old as the gap
 //   state refused (sample_check.h)               as if it had not come; three in a row: release, latched
 //   second client                                nothing, status_conflict for 100 ms

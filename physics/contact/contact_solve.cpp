@@ -26,7 +26,7 @@ namespace {
 
 constexpr double most_pulled_off = 0.1;  // alarm distances
 constexpr double still = 30e-9;          // a gap that is off by that is off by nothing [m]
-constexpr int most_returns = 3;          // to a linearisation whose solve let tissue through
+constexpr int most_returns = 8;          // to a linearisation whose solve let tissue through
 constexpr int most_more = 3;             // linearisations while a sample ends too deep
 
 std::span<const double> solved(const ContactScratch& scratch) noexcept {

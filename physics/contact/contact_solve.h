@@ -8,13 +8,13 @@
 //
 // The first linearisation is at the last solve's forces and coupling offset, found again by sample id and
 // primitive, else at x_now (rows.h). If the solution violates a sample that has no row, that sample becomes a
-// row and the problem is solved again, at most three times (missed_contact.h).
+// row and the problem is solved again, at most eight times (missed_contact.h).
 // Renewal::frozen: rows once at problem.X_ref and x_now, one solve, as in the paper; renewed: in each
 // linearisation. Friction: a contact that sticks keeps its anchor, one that slides takes a new one. A solve
 // that ended unusable is resumed by the next tick (`near`: the wrench is right to some percent). Nothing is
 // linearised about an unusable solve. Units: N, N·m. Errors: by status; after `not_finite` force and memory
 // are zero and the proxy is at the free pose; a linearisation without time is left out, and the status says
-// so. Guarantee: no allocation, wait-free, bounded by 4 (linearisations + 3) × (rows + solver); 128 kB of
+// so. Guarantee: no allocation, wait-free, bounded by 9 (linearisations + 3) × (rows + solver); 128 kB of
 // stack. Source: Saupin, Duriez and Cotin 2008 (multi-rate); Alart and Curnier 1991; de Saxcé and Feng 1998.
 #pragma once
 

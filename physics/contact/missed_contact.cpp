@@ -94,7 +94,8 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
         if (gap.distance >= held &&
             gap_reached(problem, k, s, gap, X_lin[i], moved[i], end.x) <
                 (gap.distance < margin ? 0 : -margin) &&
-            may_press(problem, k, gap, sample_outward(problem, x_lin, k), outside[i]) &&
+            may_press(problem, k, gap, placed.at(i)->radius(static_cast<std::size_t>(gap.primitive)),
+                      sample_outward(problem, x_lin, k), outside[i]) &&
             !(rows.rows_per_contact > 1 && has_row(rows, k, i, gap.primitive)))
           return true;
     }
@@ -104,7 +105,7 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
 
 bool is_outside(const CondensedProblem& problem, int instrument, bool before, const ContactRows& rows,
                 std::span<const double> lambda, const PatchPositions& x_end, double lost) noexcept {
-  if (lost > (before ? 1 : 0.5) * shallow * problem.alarm_distance) return false;
+  if (lost > (before ? 2 : 0.5) * shallow * problem.alarm_distance) return false;
   if (before) return true;
   for (int i = 0; i < rows.contacts; ++i) {
     const ContactRow& row = rows.row[i];

@@ -11,11 +11,14 @@
 // Units: m. Guarantee: wait-free, no allocation, bounded by max_patch_samples × primitives.
 //
 // Which side: a sample may press where n · outward < 0.2, the instrument being on the outer side of its face;
-// or, of a deformable body, whichever way its face is turned, not deeper than a quarter of the alarm
-// distance, where the instrument is known to be outside. It is so first when a solve has a force at a sample
-// of the first kind and leaves none inside without a row by more than half of that; and then while none is
-// deeper than the quarter.
+// or, of a deformable body, whichever way its face is turned, not deeper than two fifths of the alarm
+// distance and three of the primitive's radius, towards whose axis normals say less and less, where the
+// instrument is known to be outside. It is so first when a solve has a force at a sample of the first kind
+// and leaves none inside without a row by more than an eighth of the alarm distance; and then while none is
+// deeper than half of that distance: to lose some tissue is not to have come in.
 #pragma once
+
+#include <algorithm>
 
 #include "physics/contact/candidates/samples_in_reach.h"
 #include "physics/contact/placed_instrument.h"
@@ -24,13 +27,16 @@
 namespace hapticd {
 
 inline constexpr double facing_away = 0.2;  // n · outward beyond which the instrument is on the inner side
-inline constexpr double shallow = 0.25;     // … up to which depth it is not, if outside [alarm distances]
+// … up to which depth it is not, if outside [alarm distances], and no farther than [radii of the primitive].
+inline constexpr double held_up_to = 0.4, thick = 0.6;
+inline constexpr double shallow = 0.25;  // deeper than twice that it is no longer outside [alarm distances]
 
-// outside: of the instrument that the gap is to, as the memory has it.
-inline bool may_press(const CondensedProblem& problem, int sample, const Gap& gap, const Vec3& outward,
-                      bool outside) noexcept {
-  return gap.normal.dot(outward) < facing_away ||
-         (outside && problem.sample[sample].node[0] >= 0 && gap.distance > -shallow * problem.alarm_distance);
+// outside: of the instrument that the gap is to, as the memory has it; radius: of its primitive.
+inline bool may_press(const CondensedProblem& problem, int sample, const Gap& gap, double radius,
+                      const Vec3& outward, bool outside) noexcept {
+  if (gap.normal.dot(outward) < facing_away) return true;
+  const double deep = std::min(held_up_to * problem.alarm_distance, thick * radius);
+  return outside && problem.sample[sample].node[0] >= 0 && gap.distance > -deep;
 }
 
 // Outward unit normal of a sample's triangle (a, b, c), wound outward, when the patch's nodes are at x:

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "physics/contact/instrument.h"
 
@@ -24,6 +25,11 @@ class PlacedInstrument {
   // Of primitive k alone.
   Gap gap(std::size_t k, const Vec3& x) const noexcept;
   bool near(std::size_t k, const Vec3& x, double reach) const noexcept;
+  // How thick it is: half of its least width, where that is known; else infinity [m].
+  double radius(std::size_t k) const noexcept {
+    const Primitive& p = instrument_.primitives[k];
+    return p.shape == Shape::convex ? std::numeric_limits<double>::infinity() : p.radius;
+  }
   std::size_t primitives() const noexcept { return instrument_.primitives.size(); }
 
  private:

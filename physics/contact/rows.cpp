@@ -32,9 +32,34 @@
 namespace hapticd {
 namespace {
 
+// The samples' rows that there are, asked about in their own order.
+class RowsBefore {
+ public:
+  RowsBefore(const ContactRows& rows, bool any) noexcept {
+    while (any && count_ < rows.contacts && rows.row[count_].sample >= 0) {
+      row_[count_] = {rows.row[count_].sample, rows.row[count_].instrument, rows.row[count_].primitive};
+      ++count_;
+    }
+  }
+  bool have(int sample, int instrument, int primitive) noexcept {
+    const Key asked{sample, instrument, primitive};
+    while (next_ < count_ && row_[next_] < asked) ++next_;
+    return next_ < count_ && row_[next_] == asked;
+  }
+
+ private:
+  using Key = std::array<int, 3>;
+  std::array<Key, max_contacts> row_;
+  int count_ = 0, next_ = 0;
+};
+
 // Samples and primitives that become rows, by sample index (which is by id), then instrument and primitive;
 // each row with all three, gap and, in its frame's first column, normal. Counts the overlapping ones that did
 // not fit.
+//
+// After a solve, `reached`: rows come, none goes, or a sample that was let through, got a row and then
+// pressed would be let through again. Where they do not fit, those go that the solve says stay open, and gaps
+// at its end decide.
 void select(const CondensedProblem& problem, const PlacedInstruments& placed, const InstrumentPoses& X_lin,
             const PatchPositions& x, const EachInstrument<bool>& outside, double margin,
             const Reached* reached, int capacity, SamplesInReach& in_reach, double slack,
@@ -52,6 +77,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
     rows.row[i].gap = gap.distance;
     rows.row[i].frame.col(0) = gap.normal;
   };
+  RowsBefore before(rows, reached != nullptr);
   int count = 0, dropped = 0;
   Vec3 outward = Vec3::Zero();   // of the face …
   std::int64_t outward_of = -1;  // … that it was made for
@@ -62,27 +88,38 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
     for (int i = 0; i < placed.count(); ++i) {
       if (!placed.at(i) || !at.near(i)) continue;
       for (const Gap& gap : GapsInReach(*placed.at(i), s, reach)) {
-        if (!(gap.distance < margin) &&
-            !(gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) < 0))
-          continue;
+        const double end =
+            reached ? gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) : gap.distance;
+        if (!(gap.distance < margin) && !before.have(k, i, gap.primitive) && !(end < 0)) continue;
         if (obstacle || outward_of != at.face) outward = sample_outward(problem, x, k);
         outward_of = at.face;
-        if (!may_press(problem, k, gap, outward, outside[i])) continue;
+        if (!may_press(problem, k, gap, placed.at(i)->radius(static_cast<std::size_t>(gap.primitive)),
+                       outward, outside[i]))
+          continue;
         // Only where samples have several primitives within reach.
         if (count == max_patch_samples) {
           count /= 2;
           dropped += keep_deepest(candidate, count);
         }
         if (count < capacity) take(count, k, i, gap);
-        candidate[count++] = {gap.distance, k, at.face, gap.primitive, i};
+        candidate[count++] = {end, k, at.face, gap.primitive, i};
       }
     }
   }
-  rows.contacts = std::min(count, capacity);
   rows.dropped = dropped;
+  rows.contacts = count;
   if (count <= capacity) return;
-  rows.dropped += select_contacts({candidate.data(), static_cast<std::size_t>(count)}, capacity);
-  for (int i = 0; i < capacity; ++i) {
+  const std::span<ContactCandidate> all(candidate.data(), static_cast<std::size_t>(count));
+  if (reached) {
+    const auto stays_open = [](const ContactCandidate& c) { return c.gap > same_gap; };
+    count = static_cast<int>(std::remove_if(all.begin(), all.end(), stays_open) - all.begin());
+  }
+  if (count > capacity) {
+    rows.dropped += select_contacts(all.first(static_cast<std::size_t>(count)), capacity);
+    count = capacity;
+  }
+  rows.contacts = count;
+  for (int i = 0; i < count; ++i) {
     const ContactCandidate& c = candidate[i];
     take(i, c.sample, c.instrument,
          placed.at(c.instrument)

@@ -12,20 +12,6 @@
 namespace hapticd {
 namespace {
 
-// Draws again, by where the solve that ended at X, x has taken ports and tissue: a step of 20 ms brings other
-// tissue under a port. Returns how far the ports are covered.
-EachInstrument<double> draw_at_end(Instruments instruments, const InstrumentSamples& samples,
-                                   const InstrumentPoses& X, const PatchPositions& x,
-                                   CondensedProblem& problem) {
-  const EachInstrument<InstrumentReference> drawn = problem.instrument;
-  EachInstrument<double> vacuum;
-  for (int i = 0; i < max_instruments; ++i) vacuum[i] = samples[i].vacuum;
-  remove_suction(problem);
-  const EachInstrument<double> occlusion = apply_suction(instruments, X, X, x, vacuum, problem);
-  for (int i = 0; i < max_instruments; ++i) problem.instrument[i].way = drawn[i].way;
-  return occlusion;
-}
-
 bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
 }
@@ -102,12 +88,13 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   report.occlusion = draw(samples, problem);
   const auto before = is_pulled(problem) ? std::optional(contact_.state) : std::nullopt;
   const std::optional<EachInstrument<Vec6>> last = wrenches_before_handover(samples, report);
-  body_contact_.solve(context_, factors_, contact_, samples, problem, last, report);
-  if (before && usable(report.contact)) {
-    report.occlusion =
-        draw_at_end(instruments_, samples, report.contact.instrument, contact_.scratch().x, problem);
-    contact_.state = *before;
+  for (;;) {
     body_contact_.solve(context_, factors_, contact_, samples, problem, last, report);
+    if (!before || !usable(report.contact) ||
+        !drawing_.again(instruments_, samples, report.contact.instrument, contact_.scratch().x, problem,
+                        report.occlusion))
+      break;
+    contact_.state = *before;
   }
   report.condensed_nodes = pressed_condensed_nodes();
   placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
@@ -145,12 +132,9 @@ EachInstrument<double> World::draw(const InstrumentSamples& samples, CondensedPr
   const InstrumentPoses next =
       start_coupling(problem, poses_of(samples), settings_.h, contact_.state.solver.coupling_offset).X_start;
   InstrumentPoses X = next;
-  EachInstrument<double> vacuum;
-  for (int i = 0; i < max_instruments; ++i) {
+  for (int i = 0; i < max_instruments; ++i)
     if (X.present[i] && placed_.present[i]) X[i] = placed_[i];
-    vacuum[i] = samples[i].vacuum;
-  }
-  return apply_suction(instruments_, X, next, problem.x_now, vacuum, problem);
+  return drawing_.begin(instruments_, samples, X, next, problem);
 }
 
 void World::publish_contact(const InstrumentSamples& samples, CondensedProblem& problem) {

@@ -21,6 +21,7 @@
 #include <span>
 #include <vector>
 
+#include "physics/simulation/aspiration/drawing.h"
 #include "physics/simulation/body_contact/body_contact_stage.h"
 #include "physics/simulation/body_contact/collision.h"
 #include "physics/simulation/cutting/cutting_stage.h"
@@ -130,6 +131,7 @@ class World {
   FactorStage factors_;
   RegionStage regions_;
   InstrumentContact contact_;
+  Drawing drawing_;
   BodyContactStage body_contact_;
   Prediction prediction_;
   Refresh refresh_;

@@ -46,17 +46,21 @@ std::vector<int> joined_to(const TissueModel& model, const TissueState& state, i
   return joined;
 }
 
-// Of a whole fragment: a node of it is another's too, and none is fixed.
+// Of a whole fragment: it can turn about what it hangs on. That is the nodes of others that nothing of the
+// world holds, or fewer than three nodes, others' or held.
 bool hangs(const TissueModel& model, const TissueState& state, std::span<const int> fragment) {
   std::vector<int> corners;
   for (const int t : fragment)
     corners.insert(corners.end(), model.mesh.tets[t].begin(), model.mesh.tets[t].end());
-  const auto is_fixed = [&](int n) { return model.holds(n); };
-  const auto is_shared = [&](int n) {
-    return std::count(corners.begin(), corners.end(), n) < state.live_tets_of_node[n];
-  };
-  return std::none_of(corners.begin(), corners.end(), is_fixed) &&
-         std::any_of(corners.begin(), corners.end(), is_shared);
+  std::sort(corners.begin(), corners.end());
+  int held = 0, hung = 0;
+  for (auto n = corners.begin(); n != corners.end();) {
+    const auto next = std::upper_bound(n, corners.end(), *n);
+    held += model.holds(*n);
+    hung += model.holds(*n) || next - n < state.live_tets_of_node[*n];
+    n = next;
+  }
+  return hung > 0 && (held == 0 || hung < 3);
 }
 
 }  // namespace

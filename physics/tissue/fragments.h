@@ -35,10 +35,11 @@ Pieces find_pieces(const TissueModel& model, const TissueState& state);
 // The fragments themselves, indexed by their labels.
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state);
 
-// Tetrahedra of the fragments of at most `most` that share a face with a removed one of `gone`, hold no fixed
-// node and hang on what is left by an edge or a node. Nothing but inertia resists their turning about it, and
-// a step with rotations held takes what turns far out of its shape: left alone such a crumb spins faster and
-// faster (README). Cost: `most` tetrahedra for each of gone.
+// Tetrahedra of the fragments of at most `most` that share a face with a removed one of `gone` and can turn
+// about what they hang on: an edge or a node of others, or fewer than three nodes, others' or held. Nothing
+// but inertia resists that, and a step with rotations held takes what turns far out of its shape: left alone
+// such a crumb spins faster and faster, and suction throws it (README). Cost: `most` tetrahedra for each of
+// gone.
 std::vector<int> hinged_fragments(const TissueModel& model, const TissueState& state,
                                   std::span<const int> gone, int most);
 

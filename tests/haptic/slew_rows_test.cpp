@@ -29,6 +29,8 @@ struct SlewRows : testing::TestWithParam<Limits> {
   HapticOptions options;
   std::unique_ptr<HapticState> state = std::make_unique<HapticState>();
   HapticInput in;
+  // Pressed by 0.7 of the tip's radius it is at its limit.
+  const double force_scale = 13 * GetParam().force;
   double height = wall::radius;  // of the tip's centre in the scene
   bool publish = true;           // the simulation lives
   ForceSample before;
@@ -40,7 +42,7 @@ struct SlewRows : testing::TestWithParam<Limits> {
     device.max_speed = 2;
     device.damping = GetParam().damping;
     device.position_scale = 0.1;
-    device.force_scale = 5;
+    device.force_scale = force_scale;
     in.now_ns = 1000 * ms;
     in.device[0].presence.connected = true;
     in.device[0].sample.enable = true;
@@ -82,12 +84,16 @@ struct SlewRows : testing::TestWithParam<Limits> {
     }
   }
   void move(double speed) { height += 1e-3 * speed * device.position_scale; }
-  // Armed, away from the wall, moving up at half a metre a second, which damping alone resists.
+  // Armed, pressed on the wall, and then moving up at half a metre a second, which damping alone resists.
   void damped() {
     for (int i = 0; i < 120; ++i) tick();
+    while (height > 0.3 * wall::radius) {
+      move(-0.46);
+      tick();
+    }
     publish = false;
     for (int i = 0; i < 150; ++i) {
-      move(0.46);
+      if (i > 70) move(0.46);
       tick();
     }
     ASSERT_TRUE(before.status & status_problem_old);
@@ -161,7 +167,7 @@ TEST_P(SlewRows, AnyOrderOfEventsKeepsTheLimit) {
   std::uint64_t step = 1;
   for (int tick_number = 0; tick_number < 60'000; ++tick_number) {
     if (below(60) == 0) speed = 0.5 * (2.0 * below(1000) / 999 - 1);
-    if ((height > 0.05 && speed > 0) || (height < 0.3 * wall::radius && speed < 0)) speed = -speed;
+    if ((height > 2 * wall::radius && speed > 0) || (height < 0.3 * wall::radius && speed < 0)) speed = -speed;
     move(speed);
     if (below(20) == 0) wall::make(*problem, ++step, problem->published_ns, below(3) == 0 ? -1e-3 : 0);
     problem->topology_changed = below(8) == 0;
@@ -209,7 +215,7 @@ TEST_P(SlewRows, AnyOrderOfEventsKeepsTheLimit) {
     const bool had_force = before.force.norm() > 0;
     tick(bend, after);
     if (testing::Test::HasFatalFailure()) return;
-    device.force_scale = 5;
+    device.force_scale = force_scale;
     seen |= before.status;
     peak = std::max(peak, before.force.norm());
     released += had_force && (before.status & status_ramping_down) &&

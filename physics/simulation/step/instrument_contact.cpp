@@ -26,6 +26,7 @@ ContactOptions contact_options(const WorldSettings& settings) {
   options.linearisations = settings.linearisations;
   options.coulomb = settings.coulomb;
   options.margin = settings.contact == Renewal::frozen ? 0 : contact_margin * settings.alarm_distance;
+  options.activation_distance = near_enough * options.margin;
   return options;
 }
 
@@ -112,7 +113,6 @@ void InstrumentContact::publish_contact(const StepContext& c, const InstrumentSa
     const Within solve(c.times(), StepPart::solve);
     ContactOptions options = contact_options(c.settings);
     options.turned = turned;
-    options.activation_distance = near_enough * options.margin;
     if (!usable(solve_contact(problem, c.instruments, poses_of(samples), c.settings.h, options, known,
                               *published_scratch_)))
       known = state.solver;

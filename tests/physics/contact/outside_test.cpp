@@ -114,19 +114,41 @@ TEST(Outside, StaysOutsideWhereItTouchesNothing) {
   EXPECT_NEAR(loop.solve(*flap.problem, rod(), above(-5e-6)).wrench[0][2], 3 * k * 5e-6, 1e-9);
 }
 
-// A face turned away that is deeper than a quarter of the alarm distance where it first appears, as a cut's
-// may be: no row pushes it out, and what is lost is told.
+// A face turned away that is deeper than two fifths of the alarm distance where it first appears, as a cut's
+// may be: no row pushes it out, and what is lost is told. Deeper than half of that distance, and the
+// instrument is no longer outside.
 TEST(Outside, WhatIsDeepAlreadyIsLost) {
-  Faces flap;
-  flap.add(Vec3(-0.5e-3, 0, 0), true);
-  ContactLoop loop;
-  for (int tick = 0; tick < 3; ++tick) loop.solve(*flap.problem, rod(), above(-20e-6));
-  ASSERT_TRUE(loop.state.memory.outside[0]);
-  flap.add(Vec3(0.5e-3, 0, 0.13e-3), false);
-  const ContactSolution solution = loop.solve(*flap.problem, rod(), above(-20e-6));
-  EXPECT_NEAR(solution.wrench[0][2], 3 * k * 20e-6, 1e-9);
-  EXPECT_NEAR(solution.lost, 0.15e-3, 1e-12);
-  EXPECT_FALSE(loop.state.memory.outside[0]);
+  for (const double depth : {0.15e-3, 0.17e-3, 0.23e-3}) {
+    Faces flap;
+    flap.add(Vec3(-0.5e-3, 0, 0), true);
+    ContactLoop loop;
+    for (int tick = 0; tick < 3; ++tick) loop.solve(*flap.problem, rod(), above(-20e-6));
+    ASSERT_TRUE(loop.state.memory.outside[0]);
+    flap.add(Vec3(0.5e-3, 0, depth - 20e-6), false);
+    const ContactSolution solution = loop.solve(*flap.problem, rod(), above(-20e-6));
+    const bool held = depth < 0.16e-3;
+    EXPECT_NEAR(solution.wrench[0][2], 3 * k * (20e-6 + (held ? depth : 0)), 1e-9);
+    EXPECT_NEAR(solution.lost, held ? 0 : depth, 1e-12);
+    EXPECT_EQ(loop.state.memory.outside[0], depth < 0.2e-3);
+  }
+}
+
+// … nor where it is deeper than three fifths of what it is inside of is thick.
+TEST(Outside, TowardsTheAxisOfAThinRodNothingIsHeld) {
+  for (const double depth : {0.05e-3, 0.07e-3}) {
+    Faces flap;
+    flap.add(Vec3(-0.5e-3, 0, 0), true);
+    Instrument thin = rod();
+    const Vec3 down(0, 0, thin.primitives[0].radius - 0.1e-3);  // its lower side stays where it is
+    thin.primitives[0].radius = 0.1e-3;
+    thin.primitives[0].placement.p -= down;
+    ContactLoop loop;
+    for (int tick = 0; tick < 3; ++tick) loop.solve(*flap.problem, thin, above(-20e-6));
+    ASSERT_TRUE(loop.state.memory.outside[0]);
+    flap.add(Vec3(0.5e-3, 0, depth - 20e-6), false);
+    const ContactSolution solution = loop.solve(*flap.problem, thin, above(-20e-6));
+    EXPECT_NEAR(solution.lost, depth < 0.06e-3 ? 0 : depth, 1e-12);
+  }
 }
 
 // … until no more than an eighth of the alarm distance is inside: then it is outside again, and held.

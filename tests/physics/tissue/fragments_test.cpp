@@ -69,7 +69,8 @@ TEST(Fragments, AFaceJoinsFragmentsANodeJoinsPieces) {
 }
 
 // Three tetrahedra in a row, joined by faces, the first held: without the middle one the last hangs by the
-// edge that all three share. It does not if it shares nothing, nor if it is fixed itself.
+// edge that all three share. It does not if it shares nothing, nor if a third node of it is fixed; if one of
+// the two that it hangs by is, it turns about them all the same, and alone it does about one or two.
 TEST(Fragments, WhatHangsByAnEdgeIsACrumb) {
   TetMesh mesh;
   mesh.nodes = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
@@ -83,8 +84,12 @@ TEST(Fragments, WhatHangsByAnEdgeIsACrumb) {
   EXPECT_EQ(hinged({2}, {1}, 8), std::vector<int>{2});
   EXPECT_TRUE(hinged({2}, {1}, 0).empty());     // larger than what may go
   EXPECT_TRUE(hinged({2, 5}, {1}, 8).empty());  // held
-  EXPECT_TRUE(hinged({2}, {2}, 8).empty());     // what is left is joined by a face
-  EXPECT_TRUE(hinged({2}, {0, 1}, 8).empty());  // free: it hangs on nothing
+  EXPECT_EQ(hinged({2, 0}, {1}, 8), std::vector<int>{2});
+  EXPECT_EQ(hinged({4}, {0, 1}, 8), std::vector<int>{2});
+  EXPECT_EQ(hinged({4, 5}, {0, 1}, 8), std::vector<int>{2});
+  EXPECT_TRUE(hinged({0, 4, 5}, {0, 1}, 8).empty());
+  EXPECT_TRUE(hinged({0, 2, 3}, {2}, 8).empty());  // what is left is joined by a face, and held by one
+  EXPECT_TRUE(hinged({2}, {0, 1}, 8).empty());     // free: it hangs on nothing
 }
 
 TEST(Fragments, NothingLeftIsNoFragment) {
