@@ -5,7 +5,7 @@
 //
 // What a solve threw farther than a port is wide and reaches is let go (`let_go`, suction.h): a crumb of
 // 0.01 mm³ goes centimetres in a step with a hundredth of the pull, in which no linearisation holds. Units as
-// there. Errors: none. Guarantee: no allocation after the first. Departure: let go for the whole step, where
+// there. Errors: none. Guarantee: no allocation once made. Departure: let go for the whole step, where
 // in truth it would be for a part of it.
 #pragma once
 
