@@ -18,8 +18,7 @@ Vec3 sample_outward(const CondensedProblem& problem, const PatchPositions& x, in
 
 namespace {
 
-// A row that presses ends at a gap of zero, to rounding below it too. Without friction, where a solve costs
-// little, that counts as missed all the same: more held poses settle so (HeldPose.*).
+// A row that presses ends at a gap of zero, to rounding below it too: that is no miss.
 bool has_row(const ContactRows& rows, int sample, int instrument, int primitive) noexcept {
   const auto last = rows.row.begin() + rows.contacts;
   return std::any_of(rows.row.begin(), last, [&](const ContactRow& row) {
@@ -96,7 +95,7 @@ bool violates_inactive_contact(const CondensedProblem& problem, Instruments inst
                 (gap.distance < margin ? 0 : -margin) &&
             may_press(problem, k, gap, placed.at(i)->radius(static_cast<std::size_t>(gap.primitive)),
                       sample_outward(problem, x_lin, k), outside[i]) &&
-            !(rows.rows_per_contact > 1 && has_row(rows, k, i, gap.primitive)))
+            !has_row(rows, k, i, gap.primitive))
           return true;
     }
   }
