@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "physics/contact/delassus_columns.h"
-#include "physics/contact/missed_contact.h"
 #include "tests/support/contact_problems.h"
 
 namespace hapticd {
@@ -115,71 +114,6 @@ void columns_on_demand(Scene& s, DelassusColumns<m> EitherColumns::*of, Random& 
   columns.make_all();
   EXPECT_LT((s.rows->W() - whole).norm(), rounding);
   EXPECT_EQ((s.rows->W() - s.rows->W().transpose()).norm(), 0);
-}
-
-// Where a solve has taken the sheet: its nodes on one side of the instrument up by so much, the others down.
-PatchPositions tilted(const CondensedProblem& problem, const Pose& X, double right, double up) {
-  PatchPositions x = problem.x_free;
-  for (int n = 0; n < problem.nodes; ++n) x[n].z() += (x[n].x() - X.p.x()) * right > 0 ? up : -up;
-  return x;
-}
-
-std::vector<int> samples_of(const ContactRows& rows) {
-  std::vector<int> sample;
-  for (int i = 0; i < rows.contacts; ++i) sample.push_back(rows.row[i].sample);
-  return sample;
-}
-
-// Two solves that let through what the other had held: the rows of both, and of what was near at first.
-TEST(Rows, WhatHasARowKeepsItAtItsLinearisation) {
-  for (std::uint64_t seed = 0; seed < 20; ++seed) {
-    Scene s = pressed(seed, 0.3, 0.05e-3);
-    s.problem->alarm_distance = 2e-3;
-    const auto near = samples_of(*s.rows);
-    const auto reached = [&](double right) {
-      const PatchPositions x = tilted(*s.problem, s.X, right, 1e-3);
-      const Reached end{x, s.X};
-      build_rows(*s.problem, s.instrument, s.X, s.X, s.problem->x_free, some_coupling(), s.memory, 0.05e-3,
-                 *s.rows, &end);
-      return samples_of(*s.rows);
-    };
-    const auto one = reached(1), both = reached(-1);
-    ASSERT_GT(one.size(), near.size()) << seed;
-    ASSERT_GT(both.size(), one.size());
-    ASSERT_LT(static_cast<int>(both.size()), max_contacts);
-    EXPECT_TRUE(std::includes(both.begin(), both.end(), one.begin(), one.end()));
-    EXPECT_TRUE(std::includes(one.begin(), one.end(), near.begin(), near.end()));
-  }
-}
-
-// More within the margin than fit: those that the solve lets through are all there.
-TEST(Rows, WhereNotAllFitWhatStaysOpenGoes) {
-  Random random(4);
-  Scene s;
-  SheetSettings settings;
-  settings.nodes = 12;
-  settings.friction = 0.3;
-  s.problem = sheet_problem(random, settings);
-  s.problem->alarm_distance = 4e-3;
-  s.X.p.z() = 2.3e-3;  // clear of the sheet
-  const Pose& X = s.X;
-  const PatchPositions x = tilted(*s.problem, X, 1, 0.6e-3);
-  const Reached end{x, X};
-  build_rows(*s.problem, s.instrument, X, X, s.problem->x_free, some_coupling(), s.memory, 3e-3, *s.rows);
-  ASSERT_EQ(s.rows->contacts, max_contacts);
-  build_rows(*s.problem, s.instrument, X, X, s.problem->x_free, some_coupling(), s.memory, 3e-3, *s.rows,
-             &end);
-  const auto rows = samples_of(*s.rows);
-  int through = 0;
-  for (int k = 0; k < s.problem->samples; ++k) {
-    const Vec3 at = sample_position(*s.problem, s.problem->x_free, k);
-    const double gap = gap_reached(*s.problem, k, at, gap_at(s.instrument, X, at), X, Vec6::Zero(), x);
-    if (!(gap < 0)) continue;
-    ++through;
-    EXPECT_TRUE(std::binary_search(rows.begin(), rows.end(), k)) << k;
-  }
-  EXPECT_GT(through, 20);
-  EXPECT_EQ(rows.size(), static_cast<std::size_t>(through)) << "the others stay open";
 }
 
 TEST(Rows, ColumnsOnDemandAreThoseOfTheWhole) {
