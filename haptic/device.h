@@ -90,7 +90,7 @@ struct ForceSample {
   std::uint32_t samples_dropped = 0;  // … and what of that did not fit: the farthest
   std::uint32_t solver_caps = 0;      // contact solves so far that ended at their cap or deadline
   double residual = 0;
-  double penetration = 0;  // scene [m]
+  double penetration = 0;  // scene, of the last solve that was rendered [m]
   double energy = 0;       // passivity observer: what the client put in less what it got [J]
 };
 

@@ -84,13 +84,12 @@ Wrench contact_wrench(const CondensedProblem& problem, int i, const EachInstrume
   answer.samples = static_cast<std::uint32_t>(problem.samples);
   answer.samples_dropped = static_cast<std::uint32_t>(problem.dropped_samples);
   answer.residual = solution.residual;
-  answer.penetration = solution.penetration;
+  answer.penetration = s.overlap;
   if (solution.lost > lost_contact || s.astray[i]) answer.status |= status_contact_lost;
   if (solution.dropped + problem.dropped_samples > 0) answer.status |= status_contacts_dropped;
   if (solution.status != SolveStatus::solved) answer.status |= status_solver_cap;
   answer.solver_caps = s.caps;
   DeviceState& d = s.device[i];
-  // A poor iterate may be anything.
   if (s.unusable_for > 0) return share_held(s.unusable_for) * d.good;
   const Vec6 felt = solution.wrench[i] - withheld(i, verdict, s.scratch);
   const Wrench fresh = wrench_on_device(device, d.watchdog.sample.pose, felt);
@@ -235,8 +234,10 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
     finite = solve_tick(*problem, instruments, X, options, input, period, s);
     if (finite && s.solution.status != SolveStatus::solved) ++s.caps;
     if (finite && !is_usable(s.solution, options) && !s.solution.near) {
+      // A poor iterate may be anything: force, tissue and instruments stay as they were.
       s.unusable_for += period;
     } else if (finite) {
+      s.overlap = s.solution.penetration;
       remember(s.scratch.x, s.patch);
       s.unusable_for = 0;
     }

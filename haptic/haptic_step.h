@@ -73,6 +73,7 @@ struct HapticState {
   ContactScratch scratch;
   ViscousPatch patch;
   double unusable_for = 0;  // contact solves in a row, so long [s]
+  double overlap = 0;       // that the last usable one left, or one that was near [m]
   std::uint32_t caps = 0;   // contact solves so far that ended at a cap or the deadline
   std::uint64_t tick = 0;
   std::uint64_t step = 0;        // newest simulation step rendered

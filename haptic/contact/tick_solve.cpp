@@ -215,6 +215,7 @@ void forget_contact(HapticState& s) noexcept {
   s.behind = {};
   s.patch.step = 0;
   s.unusable_for = 0;
+  s.overlap = 0;
 }
 
 }  // namespace hapticd

@@ -110,10 +110,12 @@ TEST(SolveDeadline, AWayThatThereIsNoTimeForIsNotGone) {
 TEST(SolveDeadline, WithoutTimeTheLastGoodForceIsHeldThenFades) {
   Pressed p(0.4);
   p.options.usable_residual = 1e-9;
-  const Vec3 good = p.settled().force;
+  const ForceSample last = p.settled();
+  const Vec3 good = last.force;
   double before = good.norm();
   for (int i = 1; i <= 150; ++i) {
     const ForceSample f = p.tick(0.3e-3 + 4e-6 * i, 0);
+    EXPECT_EQ(f.penetration, last.penetration) << "no iterate moves what is held";
     EXPECT_NE(f.status & status_solver_cap, 0u);
     EXPECT_EQ(f.solver_caps, static_cast<std::uint32_t>(i));
     EXPECT_LE(f.force.norm(), before * (1 + 1e-12));
