@@ -6,13 +6,14 @@
 
 namespace hapticd {
 
-// x₁ ← L11⁻¹ x₁, x₂ ← x₂ − L21 x₁
+// x₁ ← L11⁻¹ x₁, x₂ ← x₂ − L21 x₁. Of contacts' forces, nearly all is zero.
 void MultifrontalFactor::forward(const FrontPlan::Front& front) noexcept {
   double* t = gathered_.data();
   const double* panel = values_.data() + front.panel;
   const int stride = static_cast<int>(front.stride);
   const int count = front.size - front.width;
   double* own = x_.data() + front.first;
+  if (std::all_of(own, own + front.width, [](double x) { return x == 0; })) return;
   panels::solve_lower(panel, stride, front.width, own);
   std::fill_n(t, count, 0.0);
   panels::add_product(panel + front.width, stride, count, front.width, own, t);

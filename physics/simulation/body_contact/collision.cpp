@@ -31,8 +31,21 @@ struct GrownShape {
   Vec3 centre = Vec3::Zero();
   Vec3 half = Vec3::Zero();  // of its box in its own axes: a slanting shaft has a wide one in the world's
   std::function<Box(const Transform&)> box;
+  std::function<bool(const Vec3&)> holds;  // a point in its own axes
   std::function<bool(const Transform&, const std::array<Vec3, 3>& face)> touches;
 };
+
+bool is_inside(const fcl::Sphere<double>& s, const Vec3& p) { return p.squaredNorm() < s.radius * s.radius; }
+bool is_inside(const fcl::Capsule<double>& s, const Vec3& p) {
+  const double beyond = std::max(0.0, std::abs(p.z()) - 0.5 * s.lz);
+  return p.head<2>().squaredNorm() + beyond * beyond < s.radius * s.radius;
+}
+bool is_inside(const fcl::Cylinder<double>& s, const Vec3& p) {
+  return std::abs(p.z()) < 0.5 * s.lz && p.head<2>().squaredNorm() < s.radius * s.radius;
+}
+bool is_inside(const fcl::Box<double>& s, const Vec3& p) {
+  return ((2 * p.cwiseAbs() - s.side).array() < 0).all();
+}
 
 template <class Shape>
 GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
@@ -47,7 +60,8 @@ GrownShape grown(const Shape& shape, const Vec3& centre = Vec3::Zero()) {
   };
   Box own;
   fcl::computeBV(shape, Transform(Transform::Identity()), own);
-  return {0, {}, centre, 0.5 * (own.max_ - own.min_), box, touches};
+  const auto holds = [shape](const Vec3& p) { return is_inside(shape, p); };
+  return {0, {}, centre, 0.5 * (own.max_ - own.min_), box, holds, touches};
 }
 
 GrownShape grown(const Primitive& p, double margin) {
@@ -172,10 +186,16 @@ void Collision::near_faces(const InstrumentPoses& poses, std::vector<NearFace>& 
       const Vec3 beyond = (own_axes * (ball.centre - T.translation())).cwiseAbs() - shape.half;
       return beyond.maxCoeff() <= (1 + 1e-6) * ball.radius;
     };
+    // Most of those near have a corner inside, and need no search.
+    const auto touches = [&](const std::array<Vec3, 3>& face) {
+      return std::any_of(face.begin(), face.end(),
+                         [&](const Vec3& x) { return shape.holds(own_axes * (x - T.translation())); }) ||
+             shape.touches(T, face);
+    };
     for (std::size_t b = 0; b < impl_->bodies.size(); ++b) {
       const Body& body = impl_->bodies[b];
       for (std::size_t f = 0; f < body.boxes.size(); ++f)
-        if (body.boxes[f].overlap(box) && may_touch(body.balls[f]) && shape.touches(T, body.corners[f]))
+        if (body.boxes[f].overlap(box) && may_touch(body.balls[f]) && touches(body.corners[f]))
           out.push_back({static_cast<int>(b), static_cast<int>(f)});
     }
   }
