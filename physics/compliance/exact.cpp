@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "physics/compliance/compliance.h"
 #include "physics/compliance/factor/cholmod_factor.h"
@@ -108,8 +109,8 @@ class ExactCompliance final : public Compliance {
 
   void patch(std::span<const int> nodes, Eigen::Ref<MatX> block) override {
     require_factor();
-    if (!corner_is_current_) factor_.trailing_corner(corner_nodes_, corner_);
-    corner_is_current_ = true;
+    const bool same = std::exchange(corner_is_current_, true);
+    if (!same) factor_.trailing_corner(corner_nodes_, corner_);
     const int corner_start = matrix_.node_count() - corner_nodes_;
     places_.clear();
     outside_.clear();
@@ -123,7 +124,7 @@ class ExactCompliance final : public Compliance {
       places_.push_back(inside ? factor_.place(n) - corner_start : -1);
     }
     if (!outside_.empty()) factor_.half_solve(places_outside_, half_solved_);
-    patch_inverse_(corner_, places_, outside_, half_solved_, block);
+    patch_inverse_(corner_, places_, outside_, half_solved_, same, block);
   }
 
   ComplianceReport report() override {

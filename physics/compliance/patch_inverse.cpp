@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <vector>
 
 namespace hapticd {
 namespace {
@@ -71,51 +72,93 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eige
       for (Eigen::Index i = 0; i < own; ++i)
         block.block<3, 3>(3 * nodes[i], 3 * nodes[j]) = own_block.block<3, 3>(3 * i, 3 * j);
   }
+  panels_.clear();  // they are of the last piece alone
 }
 
 void PatchInverse::operator()(const Corner& L, std::span<const int> places, std::span<const int> outside,
-                              const MatX& Y, Eigen::Ref<MatX> block) {
-  if (outside.empty()) return operator()(L, places, block);
-  invert(L, places, block);
-  const int out = static_cast<int>(outside.size()), inside = static_cast<int>(sorted_.size());
+                              const MatX& Y, bool same_L, Eigen::Ref<MatX> block) {
+  if (places.size() > large) same_L = false;
+  if (outside.empty() && !same_L) return operator()(L, places, block);
+  if (same_L && known_nodes() > 2 * static_cast<int>(places.size()) + panel)
+    same_L = false;  // most have gone by
+  if (!same_L) panels_.clear();
+  add_columns(L, places);
+  gather(places, block);
+  const int out = static_cast<int>(outside.size());
   D_.noalias() = Y.transpose() * Y;
   for (int i = 0; i < out; ++i)
     for (int j = 0; j <= i; ++j) put(block, outside[i], outside[j], D_.block<3, 3>(3 * i, 3 * j));
-  for (int j = 0; j < inside; j += panel) {
-    const int nodes = std::min(panel, inside - j);
-    const Eigen::Index height = L.rows() - 3 * places[sorted_[j]];
-    D_.noalias() = Y.bottomRows(height).transpose() * X_.block(L.rows() - height, 3 * j, height, 3 * nodes);
-    for (int k = 0; k < nodes; ++k)
-      for (int i = 0; i < out; ++i) put(block, outside[i], sorted_[j + k], D_.block<3, 3>(3 * i, 3 * k));
+  std::vector<int> of(known_nodes(), -1);  // in the patch
+  for (int k = 0; k < static_cast<int>(places.size()); ++k)
+    if (places[k] >= 0) of[column_[places[k]]] = k;
+  for (const Panel& p : panels_) {
+    const auto first = of.begin() + p.first;
+    if (out == 0 || std::all_of(first, first + p.nodes, [](int k) { return k < 0; })) continue;
+    const Eigen::Index height = L.rows() - p.top;
+    D_.noalias() = Y.bottomRows(height).transpose() * X_.block(p.top, 3 * p.first, height, 3 * p.nodes);
+    for (int k = 0; k < p.nodes; ++k)
+      for (int i = 0; i < out && first[k] >= 0; ++i)
+        put(block, outside[i], first[k], D_.block<3, 3>(3 * i, 3 * k));
   }
 }
 
 void PatchInverse::invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
-  sorted_.clear();
-  for (int k = 0; k < static_cast<int>(places.size()); ++k)
-    if (places[k] >= 0) sorted_.push_back(k);
-  std::sort(sorted_.begin(), sorted_.end(), [&](int a, int b) { return places[a] < places[b]; });
-  const int count = static_cast<int>(sorted_.size());
-  const Eigen::Index size = L.rows();
+  panels_.clear();
+  add_columns(L, places);
+  gather(places, block);
+}
 
-  if (X_.rows() < size || X_.cols() < 3 * count) X_.resize(size, 3 * count);
-  if (C_.rows() < 3 * count) C_.resize(3 * count, 3 * count);
-  for (int j = 0; j < count; j += panel) {
-    const int width = 3 * std::min(panel, count - j);
-    const Eigen::Index top = 3 * places[sorted_[j]];
-    const Eigen::Index height = size - top;
-    auto X = X_.block(top, 3 * j, height, width);
-    X.setZero();
-    for (int k = 0; k < width; ++k) X(3 * places[sorted_[j + k / 3]] + k % 3 - top, k) = 1.0;
-    L.bottomRightCorner(height, height).triangularView<Eigen::Lower>().solveInPlace(X);
-    // Against this and all earlier panels, from this panel's first row on: above it X is zero.
-    C_.block(3 * j, 0, width, 3 * j + width).noalias() =
-        X.transpose() * X_.block(top, 0, height, 3 * j + width);
+int PatchInverse::known_nodes() const {
+  return panels_.empty() ? 0 : panels_.back().first + panels_.back().nodes;
+}
+
+void PatchInverse::add_columns(const Corner& L, std::span<const int> places) {
+  if (panels_.empty()) column_.assign(static_cast<std::size_t>(L.rows() / 3), -1);
+  new_.clear();
+  for (const int place : places)
+    if (place >= 0 && column_[place] < 0) new_.push_back(place);
+  std::sort(new_.begin(), new_.end());
+  new_.erase(std::unique(new_.begin(), new_.end()), new_.end());
+  const int known = known_nodes();
+  const Eigen::Index columns = 3 * static_cast<Eigen::Index>(known + new_.size());
+  if (X_.rows() < L.rows() || X_.cols() < columns)
+    X_.conservativeResize(std::max(X_.rows(), L.rows()), std::max(X_.cols(), columns + columns / 4));
+  if (C_.rows() < columns) C_.conservativeResize(columns + columns / 4, columns + columns / 4);
+  const std::span<const int> all(new_);
+  for (std::size_t j = 0; j < all.size(); j += panel)
+    add_panel(L, all.subspan(j, std::min<std::size_t>(panel, all.size() - j)));
+}
+
+void PatchInverse::add_panel(const Corner& L, std::span<const int> places) {
+  const int first = known_nodes(), nodes = static_cast<int>(places.size());
+  const Eigen::Index top = 3 * places[0], height = L.rows() - top, width = 3 * nodes;
+  auto X = X_.block(top, 3 * first, height, width);
+  X.setZero();
+  for (int k = 0; k < nodes; ++k) {
+    for (int c = 0; c < 3; ++c) X(3 * places[k] + c - top, 3 * k + c) = 1;
+    column_[places[k]] = first + k;
   }
+  L.bottomRightCorner(height, height).triangularView<Eigen::Lower>().solveInPlace(X);
+  // Against itself and all before it, from where both are known.
+  panels_.push_back({first, nodes, top});
+  for (std::size_t p = 0, q = 0; p < panels_.size(); p = q) {
+    const Eigen::Index from = std::max(top, panels_[p].top);
+    for (q = p + 1; q < panels_.size() && std::max(top, panels_[q].top) == from;) ++q;
+    const Eigen::Index begin = 3 * panels_[p].first;
+    const Eigen::Index end = 3 * (panels_[q - 1].first + panels_[q - 1].nodes);
+    C_.block(3 * first, begin, width, end - begin).noalias() =
+        X.bottomRows(L.rows() - from).transpose() * X_.block(from, begin, L.rows() - from, end - begin);
+  }
+}
 
+void PatchInverse::gather(std::span<const int> places, Eigen::Ref<MatX> block) const {
   block.setZero();
-  for (int i = 0; i < count; ++i)
-    for (int j = 0; j <= i; ++j) put(block, sorted_[i], sorted_[j], C_.block<3, 3>(3 * i, 3 * j));
+  for (int i = 0; i < static_cast<int>(places.size()); ++i)
+    for (int j = 0; j <= i; ++j) {
+      if (places[i] < 0 || places[j] < 0) continue;
+      const int a = 3 * column_[places[i]], b = 3 * column_[places[j]];
+      put(block, i, j, a >= b ? Mat3(C_.block<3, 3>(a, b)) : Mat3(C_.block<3, 3>(b, a).transpose()));
+    }
 }
 
 }  // namespace hapticd

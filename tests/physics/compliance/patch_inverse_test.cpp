@@ -48,5 +48,42 @@ TEST(PatchInverse, OfPiecesThatMingleIsThatOfEach) {
   EXPECT_LT(worst, 1e-9 * expected.norm());
 }
 
+// Patches that move on over one factor, with nodes outside its corner: each is what the whole inverse has.
+TEST(PatchInverse, APatchThatMovesOnUsesWhatIsKnown) {
+  constexpr int outside = 3, corner = 90, nodes = outside + corner;
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  MatX A(3 * nodes, 3 * nodes);
+  for (Eigen::Index i = 0; i < A.size(); ++i) A.data()[i] = normal(random);
+  A = A * A.transpose() + MatX::Identity(3 * nodes, 3 * nodes);
+  const MatX whole = A.llt().matrixL(), expected = A.inverse();
+  const MatX L = whole.bottomRightCorner(3 * corner, 3 * corner);
+  const MatX E = MatX::Identity(3 * nodes, 3 * outside);
+  const MatX Y = whole.triangularView<Eigen::Lower>().solve(E);
+  PatchInverse inverse;
+  std::vector<int> all(corner);
+  std::iota(all.begin(), all.end(), 0);
+  for (int k = 0; k < 40; ++k) {
+    // Half of the nodes before, and others; few of many now and then.
+    std::shuffle(all.begin() + (k % 2 == 0 ? 0 : 20), all.end(), random);
+    std::vector<int> places(all.begin(), all.begin() + (k % 7 == 6 ? 5 : 40)), at;
+    places.insert(places.begin() + 3, outside, -1);
+    at = places;
+    const std::vector<int> out = {3, 4, 5};
+    const auto size = static_cast<Eigen::Index>(places.size());
+    MatX block(3 * size, 3 * size);
+    inverse(L, places, out, Y, k > 0, block);
+    double worst = 0;
+    for (Eigen::Index i = 0; i < size; ++i)
+      for (Eigen::Index j = 0; j < size; ++j) {
+        const auto place = [&](Eigen::Index n) { return at[n] < 0 ? n - 3 : at[n] + outside; };
+        worst = std::max(
+            worst,
+            (block.block<3, 3>(3 * i, 3 * j) - expected.block<3, 3>(3 * place(i), 3 * place(j))).norm());
+      }
+    EXPECT_LT(worst, 1e-9 * expected.norm()) << k;
+  }
+}
+
 }  // namespace
 }  // namespace hapticd
