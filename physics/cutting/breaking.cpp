@@ -19,7 +19,7 @@ namespace {
 constexpr double flaw = 40;
 constexpr int fewest_joined = 1;     // faces that a tetrahedron keeps: none comes off alone
 constexpr int most_together = 8;     // times TearSettings::most: where no slit is yet, only many faces pay
-constexpr int places_in_a_step = 1;  // whose energy is looked at: a few milliseconds
+constexpr int looks_in_a_step = 1;   // at the energy of faces that part something: a few milliseconds
 constexpr double most_growth = 1.5;  // of Σ release until all are looked at again
 
 using EdgeKey = std::uint64_t;
@@ -203,17 +203,19 @@ std::vector<int> faces_that_break(const TissueModel& model, const TissueState& s
   if (found.empty() || (refused && sum < refused->until)) return {};
   Growth growth(model, state, open_edges(model, surface, work.held_open), work.held_open, settings,
                 std::move(found));
-  double paid = refused ? refused->paid : 0;
-  for (int place = 0, looked_at = 0;; ++place) {
+  const RefusedBreaks before = refused ? *refused : RefusedBreaks{};
+  double paid = before.paid;
+  for (int place = 0, looks = 0;; ++place) {
     std::vector<int> faces = growth.next(most_together * settings.most);
     if (faces.empty()) break;
-    if (refused && place < refused->places) continue;
-    if (looked_at++ == places_in_a_step) {
-      if (refused) *refused = {.until = 0, .places = place, .paid = paid};
-      return {};
-    }
-    for (std::size_t n = faces.size(); n > 0; n /= 2) {
+    if (place < before.places) continue;
+    int halved = place == before.places ? before.halved : 0;
+    for (std::size_t n = faces.size() >> halved; n > 0; n /= 2, ++halved) {
       faces.resize(n);
+      if (refused && looks == looks_in_a_step) {
+        *refused = {.until = 0, .places = place, .halved = halved, .paid = paid};
+        return {};
+      }
       const OpeningEnergy e =
           energy_of_opening(model, state, work, faces, pressed, settings.toughness, compliance);
       const double needed = settings.toughness * e.area;
@@ -224,10 +226,11 @@ std::vector<int> faces_that_break(const TissueModel& model, const TissueState& s
         return faces;
       }
       if (!(e.area > 0)) break;  // nor do fewer part anything
+      ++looks;
       paid = std::max(paid, e.released / needed);
     }
   }
-  if (refused) *refused = {.until = sum * std::min(most_growth, 1 / std::sqrt(paid)), .places = 0, .paid = 0};
+  if (refused) *refused = {.until = sum * std::min(most_growth, 1 / std::sqrt(paid))};
   return {};
 }
 

@@ -27,11 +27,12 @@ namespace hapticd {
 // [J/m²] of an inner face by its tension, by its id; zero under compression.
 double release_of_face(const TissueModel& model, const TissueState& state, int face);
 
-// Energy grows as tension squared: no need to look again before that has grown by what was missing. One for
-// each body, new when its mesh has changed.
+// Energy grows as tension squared: no need to look again before that has grown by what was missing, or the
+// mesh has changed (`until` is zero then). One for each body.
 struct RefusedBreaks {
   double until = 0;  // Σ release_of_face over the faces under enough tension [J/m²]
-  int places = 0;    // that were looked at, this time round
+  int places = 0;    // that were looked at, this time round …
+  int halved = 0;    // … and how often the faces of the next were halved
   double paid = 0;   // largest part of the energy that was there at one of them
 };
 

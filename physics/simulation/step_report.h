@@ -25,6 +25,7 @@ struct StepBegin {
 
 struct StepReport {
   int removed = 0;  // tetrahedra that went in this step, aspirated ones included
+  int removed_ahead = 0;  // … of them at its end: its problem is the first without them
   int fragments_aspirated = 0;
   bool split = false;        // blades cut, or faces tore
   bool out_of_room = false;  // a cut found no spare node or tetrahedron left, in this step or before

@@ -48,7 +48,9 @@ StepReport World::step(const std::function<InstrumentSamples()>& latest, Condens
   const StepBegin begun = begin_step(latest(), publish_interim ? &first : nullptr);
   CondensedProblem& problem = begun.interim ? publish_interim() : first;
   factor_step();
-  return finish_step(settings_.newest_pose ? latest() : begun_with_, problem);
+  const StepReport report = finish_step(settings_.newest_pose ? latest() : begun_with_, problem);
+  look_for_cracks();
+  return report;
 }
 
 StepBegin World::begin_step(const InstrumentSamples& samples, CondensedProblem* interim) {
@@ -83,6 +85,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   const InstrumentSamples& samples = settings_.newest_pose ? newest : begun_with_;
   const bool topology_changed =
       (report.removed > 0 || report.split) && !report.interim;  // since the one before
+  look_again(samples);
   gather(samples, topology_changed, problem, report);
   contact_.condense(context_, factors_, samples, problem, report);
   report.occlusion = draw(samples, problem);
@@ -94,7 +97,10 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
         !drawing_.again(instruments_, samples, report.contact.instrument, contact_.scratch().x, problem,
                         report.occlusion))
       break;
-    contact_.state = *before;
+    if (contacts().empty())
+      contact_.go_back(context_, *before);
+    else
+      contact_.state = *before;
   }
   report.condensed_nodes = pressed_condensed_nodes();
   placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
@@ -113,8 +119,12 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);
   if (ahead) {
     draw(samples, problem);
-    prediction_.linearise(context_, factors_, problem, samples, contact_.state.solver, removing_, report);
+    const std::vector<int> foreseen =
+        prediction_.foresee(context_, factors_, problem, samples, contact_.state.solver, removing_);
     remove_suction(problem);
+    const bool fewer = remove_ahead(foreseen, samples, report);
+    if (fewer) gather(samples, true, problem, report);
+    for (const int b : foreseen) prediction_.linearise(context_, factors_, b, samples, report);
     contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);
   }
@@ -153,14 +163,45 @@ InstrumentPoses World::poses_in(const InstrumentSamples& samples, double time) c
 void World::remove(const InstrumentSamples& samples, StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
   const Removed removed = removal_.remove(bodies_, instruments_, samples, poses_in(samples, removal_lead));
+  follow_removal(removed, report);
+  removing_ = std::exchange(removed_ahead_, false) || removed.tets > 0;
+}
+
+// Where no instrument has moved since the start of the step, what is near is known.
+void World::look_again(const InstrumentSamples& samples) {
+  const Within collision(context_.times(), StepPart::collision);
+  if (!motion_.are_at(samples)) collision_.near_faces(poses_of(samples), near_);
+}
+
+// What the tips take by the middle of the use of the problem that this step ends with goes with it: the next
+// step would have to begin afresh without that, and publish an interim problem.
+bool World::remove_ahead(std::span<const int> foreseen, const InstrumentSamples& samples,
+                         StepReport& report) {
+  const Within collision(context_.times(), StepPart::collision);
+  for (const Body& b : bodies_)
+    if (b.removable && !b.model.corotational) return false;  // is not linearised anew
+  const Removed removed =
+      removal_.remove_ahead(bodies_, instruments_, samples, poses_in(samples, settings_.lead));
+  follow_removal(removed, report);
+  if (removed.tets == 0) return false;
+  for (const int b : foreseen) removal_.tell_compliance(bodies_, b);
+  collision_.near_faces(poses_of(samples), near_);
+  report.removed_ahead = removed.tets;
+  return removing_ = removed_ahead_ = true;
+}
+
+void World::follow_removal(const Removed& removed, StepReport& report) {
+  report.removed += removed.tets;
+  report.fragments_aspirated += removed.fragments_aspirated;
+  if (removed.by_tips) {
+    lumen_ = removed.lumen;
+    passed_ = removed.passed;
+  }
+  report.lumen = lumen_;
+  if (removed.tets == 0) return;
   surfaces_changed(removed.bodies);
   regions_.follow(bodies_, removal_.gone());
   cutting_.follow(bodies_, removed.bodies);
-  report.removed = removed.tets;
-  report.fragments_aspirated = removed.fragments_aspirated;
-  report.lumen = removed.lumen;
-  passed_ = removed.passed;
-  removing_ = removed.tets > 0;
 }
 
 // Fluid goes into the ports as far as tissue leaves them open, and what was sucked in takes its place.
@@ -195,6 +236,11 @@ bool World::cut(StepReport& report) {
   return report.split;
 }
 
+void World::look_for_cracks() {
+  const Within collision(context_.times(), StepPart::collision);
+  cutting_.look_for_cracks(bodies_);
+}
+
 void World::surfaces_changed(std::span<const int> bodies) {
   for (const int b : bodies) {
     collision_.set_surface(b, bodies_[b].surface.faces(), bodies_[b].state.x);
@@ -225,8 +271,6 @@ bool World::fill_interim(const InstrumentSamples& samples, CondensedProblem& pro
 void World::gather(const InstrumentSamples& samples, bool topology_changed, CondensedProblem& problem,
                    StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
-  // Where no instrument has moved since the start of the step, they are known.
-  if (!motion_.are_at(samples)) collision_.near_faces(poses_of(samples), near_);
   // The instrument may have come within reach of a sleeping body since the start of the step.
   for (const NearFace& f : near_) {
     Body& body = bodies_[f.body];

@@ -69,6 +69,9 @@ class World {
   bool wants_refresh() const { return removing_ && looks_ahead(); }
   bool refresh(const InstrumentSamples& samples, CondensedProblem& problem);
 
+  // Between steps, once the last one's problem is published: which faces break in the next.
+  void look_for_cracks();
+
   // Between steps: new reference factors to be made elsewhere, at most one at a time for a body; and back. A
   // body whose reference factor never comes stays right in its zone, and its report says how stale the rest
   // has become.
@@ -102,9 +105,12 @@ class World {
   EachInstrument<double> draw(const InstrumentSamples& samples, CondensedProblem& problem);
   InstrumentPoses poses_in(const InstrumentSamples& samples, double time) const;
   void remove(const InstrumentSamples& samples, StepReport& report);
+  bool remove_ahead(std::span<const int> foreseen, const InstrumentSamples& samples, StepReport& report);
+  void follow_removal(const Removed& removed, StepReport& report);
   void thin(const InstrumentSamples& samples);
   void flow(const InstrumentSamples& samples, StepReport& report);
   void wake_near(const InstrumentSamples& samples);
+  void look_again(const InstrumentSamples& samples);
   bool cut(StepReport& report);
   void surfaces_changed(std::span<const int> bodies);
   bool fill_interim(const InstrumentSamples& samples, CondensedProblem& problem, StepReport& report);
@@ -137,8 +143,10 @@ class World {
   Refresh refresh_;
   PublishedProblem published_;
   StepContext context_;
-  bool removing_ = false;          // this step, or the last, removed something
-  EachInstrument<double> passed_;  // through their lumens in this step [m³]
+  bool removing_ = false;             // this step removed something, or the last one at its end
+  bool removed_ahead_ = false;        // … the last one at its end
+  EachInstrument<LumenState> lumen_;  // as the tips took last
+  EachInstrument<double> passed_;     // … through them, in a step [m³]
   std::uint64_t steps_ = 0;
 };
 

@@ -87,7 +87,7 @@ void SimulationLoop::begin_counting(const PlannedAction& planned) {
 }
 
 void SimulationLoop::end_counting() {
-  const std::int64_t spent = monotonic_ns() - begun_ns_;
+  const std::int64_t spent = published_ns_ - begun_ns_;
   statistics_.step.record(spent);
   count(schedule_.report());
   const std::int64_t elapsed = now_.step_ns - std::exchange(followed_ns_, now_.step_ns);
@@ -117,7 +117,7 @@ void SimulationLoop::publish(StepAction as) {
   if (as == StepAction::publish && poisoned_.exchange(false, std::memory_order_relaxed))
     for (Vec3& x : problem.x_free) x.setConstant(std::numeric_limits<double>::quiet_NaN());
   problem.known_sound = is_sound(problem);
-  const std::int64_t now = monotonic_ns();
+  const std::int64_t now = published_ns_ = monotonic_ns();
   problem.published_ns = now;
   const std::uint64_t number = problem.step;
   if (copies_) {
@@ -138,7 +138,8 @@ void SimulationLoop::count(const StepReport& report) {
   SimulationStatistics& s = statistics_;
   s.steps.fetch_add(1, std::memory_order_relaxed);
   s.removed.fetch_add(static_cast<std::uint64_t>(report.removed), std::memory_order_relaxed);
-  s.late_removals.fetch_add(report.removed > 0 && !report.interim, std::memory_order_relaxed);
+  const bool at_begin = report.removed > report.removed_ahead;
+  s.late_removals.fetch_add(at_begin && !report.interim, std::memory_order_relaxed);
   s.cut_steps.fetch_add(report.split, std::memory_order_relaxed);
   if (report.out_of_room) s.out_of_room.store(true, std::memory_order_relaxed);
   s.condensed_steps.fetch_add(report.condensed_nodes > 0, std::memory_order_relaxed);
@@ -154,7 +155,7 @@ void SimulationLoop::count(const StepReport& report) {
   }
   if (degraded) s.rough_steps.fetch_add(1, std::memory_order_relaxed);
   for (const Vec6& wrench : report.contact.wrench.value) raise(s.force_peak, wrench.head<3>().norm());
-  raise(report.removed > 0 ? s.jump_at_removal : s.jump_at_reference, report.handover_jump);
+  raise(at_begin ? s.jump_at_removal : s.jump_at_reference, report.handover_jump);
 }
 
 void SimulationLoop::show_bodies(const StepReport& report, SceneSnapshot& snapshot) {

@@ -130,6 +130,7 @@ class SimulationLoop final : private StepHost {
   ReferenceMaker references_, far_tissue_;  // what is far from a region takes longer, and nobody waits for it
   PlannedAction now_;                       // that is being performed
   std::int64_t begun_ns_ = 0;               // of the step or the refresh under way
+  std::int64_t published_ns_ = 0;           // the last problem
   SpscQueue<StepRecord>* records_ = nullptr;
   Channel<CondensedProblem>* copies_ = nullptr;
   std::atomic<std::int64_t> hold_ns_{0};

@@ -58,6 +58,7 @@ void StepSchedule::perform(const PlannedAction& planned, StepHost& host) {
       return;
     case StepAction::publish:
       host.publish(planned.action);
+      world_.look_for_cracks();
       for (ReferenceJob& job : world_.wanted_references()) host.make_reference(std::move(job));
       next_ = world_.wants_refresh() ? StepAction::refresh : StepAction::begin;
       return;

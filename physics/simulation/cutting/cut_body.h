@@ -22,8 +22,10 @@ struct CutBody {
   SweptSurface strip;
   std::vector<BladeCut> of_blade;
   RefusedBreaks refused;
-  std::vector<int> cleft_nodes;  // of faces where cracks begin, and every node that came since
-  int removed_before = 0;        // tetrahedra, when hinges were last looked for
+  std::vector<int> breaking;            // faces, when they were last looked for
+  int removed_then = 0, cuts_then = 0;  // … tetrahedra, and Body::topology
+  std::vector<int> cleft_nodes;         // of faces where cracks begin, and every node that came since
+  int removed_before = 0;               // tetrahedra, when hinges were last looked for
 };
 
 }  // namespace hapticd

@@ -85,18 +85,27 @@ std::vector<int> CuttingStage::realise(Bodies& bodies, Instruments instruments) 
 void CuttingStage::tear(Body& body, CutBody& cut) {
   std::vector<int> faces = faces_that_tear(body.model, body.state, body.surface, body.tearing);
   const bool thinner = std::exchange(cut.removed_before, body.state.removed) != body.state.removed;
-  if (thinner || !cut.change.empty()) cut.refused = {};
-  // Of the step before: it knows nothing yet of what went or was cut since.
-  ApplyCompliance compliance;
-  if (factored_) compliance = [&](const VecX& f, VecX& dx) { body.compliance->apply(f, dx); };
-  const std::vector<int> begun =
-      faces_that_break(body.model, body.state, body.surface, cut.work, body.tearing, body.corrected.force,
-                       &cut.refused, compliance);
-  faces.insert(faces.end(), begun.begin(), begun.end());
+  const std::vector<int> breaking = std::exchange(cut.breaking, {});
+  if (cut.change.empty() && cut.removed_then == body.state.removed && cut.cuts_then == body.topology)
+    faces.insert(faces.end(), breaking.begin(), breaking.end());
   if (!faces.empty()) note(open_faces(body.model, body.state, cut.work, faces, cut.change));
   if (cut.cleft_nodes.empty() || (cut.change.empty() && !thinner)) return;
   note(part_hinges(body.model, body.state, cut.work, cut.cleft_nodes, cut.change));
   for (const int n : cut.change.nodes) cut.cleft_nodes.push_back(n);
+}
+
+void CuttingStage::look_for_cracks(Bodies& bodies) {
+  for (std::size_t b = 0; cuts_anything_ && b < bodies.size(); ++b) {
+    Body& body = bodies[b];
+    CutBody* cut = cuts_[b].get();
+    if (!cut || !(body.tearing.toughness > 0) || body.asleep) continue;
+    const int removed = std::exchange(cut->removed_then, body.state.removed);
+    const int cuts = std::exchange(cut->cuts_then, body.topology);
+    if (removed != cut->removed_then || cuts != cut->cuts_then) cut->refused.until = 0;
+    cut->breaking =
+        faces_that_break(body.model, body.state, body.surface, cut->work, body.tearing, body.corrected.force,
+                         &cut->refused, [&](const VecX& f, VecX& dx) { body.compliance->apply(f, dx); });
+  }
 }
 
 // Runs of neighbouring samples in one body: from where the mesh is cut to where their fronts are.
@@ -147,7 +156,6 @@ void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
 void CuttingStage::note(CutStatus status) { out_of_room_ = out_of_room_ || status == CutStatus::no_room; }
 
 void CuttingStage::tell_compliances(Bodies& bodies) {
-  factored_ = true;
   if (!cuts_anything_) return;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     if (!cuts_[b] || cuts_[b]->change.empty()) continue;

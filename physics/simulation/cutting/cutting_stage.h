@@ -4,6 +4,7 @@
 //   find     fronts ahead of the blades' edges                                          (cut_front.h)
 //   publish  them as edge samples of the condensed problem                              (edge_sample.h)
 //   advance  them by what the contact solve made of them
+//   look     between steps, which faces break in the next: milliseconds that no problem waits for
 //
 // What is published stands where the step began; the advance since is remembered by whoever solves. A mesh
 // whose room is used up is cut no further: `out_of_room`, and what is cut stays as it is. Units: m, N, J/m².
@@ -42,6 +43,8 @@ class CuttingStage {
   void advance(const Bodies& bodies, Instruments instruments, const InstrumentPoses& X,
                const CondensedProblem& problem, const ContactMemory& memory);
 
+  void look_for_cracks(Bodies& bodies);
+
   bool out_of_room() const { return out_of_room_; }
   // Area that blades have separated so far, in the rest shape [m²].
   double area() const { return area_; }
@@ -55,7 +58,6 @@ class CuttingStage {
   std::vector<std::unique_ptr<CutBody>> cuts_;  // per body; null: it cannot be cut
   std::vector<PatchNode> nodes_;
   bool cuts_anything_ = false;
-  bool factored_ = false;  // the bodies' compliances were, in a step
   bool out_of_room_ = false;
   double area_ = 0;
 };

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "physics/contact/missed_contact.h"
+#include "physics/contact/suction.h"
 #include "physics/simulation/body_contact/velocity_bound.h"
 
 namespace hapticd {
@@ -11,7 +13,7 @@ namespace {
 
 constexpr double far_step = 0.6;     // in alarm distances
 constexpr double most_parts = 32;    // of a step's way that contact is solved on
-constexpr double turned = 1e-3;      // by which forces may have, where the end of a step is solved for
+constexpr double turned = 1e-3;      // by which forces may have, where a solve goes on from another [rad]
 constexpr double near_enough = 0.3;  // of the margin, to be a row there from the begin
 
 void know(const ContactState& contact, CondensedProblem& problem) {
@@ -112,7 +114,7 @@ void InstrumentContact::publish_contact(const StepContext& c, const InstrumentSa
   if (presses && problem.renewal == Renewal::renewed) {
     const Within solve(c.times(), StepPart::solve);
     ContactOptions options = contact_options(c.settings);
-    options.turned = turned;
+    options.linearisations = 1;  // other loops begin with it
     if (!usable(solve_contact(problem, c.instruments, poses_of(samples), c.settings.h, options, known,
                               *published_scratch_)))
       known = state.solver;
@@ -151,12 +153,20 @@ void InstrumentContact::condense(const StepContext& c, FactorStage& factors, con
   }
 }
 
+void InstrumentContact::go_back(const StepContext& c, const InstrumentContactState& before) {
+  state = before;
+  again_ = true;
+  // Its anchors are those that the solve began with.
+  if (c.settings.contact == Renewal::renewed && !on_the_way_) state.solver.memory = scratch_->working;
+}
+
 void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& samples,
                               const CondensedProblem& problem,
                               const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   const Within solve(c.times(), StepPart::solve);
   const WorldSettings& settings = c.settings;
   const InstrumentPoses X = poses_of(samples);
+  const bool again = std::exchange(again_, false);
   if (X.any()) {
     // What moves by more than `far_step` in a step may be past the surface before rows reach it. So it is met
     // on the way, with all that the solves there remember.
@@ -170,6 +180,12 @@ void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& sam
     const double parts = far > far_step ? std::min(far / contact_margin, most_parts) : 0;
     ContactOptions options = contact_options(settings);
     options.parts = parts + 1;
+    on_the_way_ = parts >= 1;
+    // With the pull of where this one ends, contact is solved again (World::finish_step).
+    if (again)
+      options.turned = turned;
+    else if (c.contacts.empty() && is_pulled(problem))
+      options.linearisations = 2;
     for (int p = 1; p <= parts; ++p)
       solve_contact(problem, c.instruments, displaced(from, way, p / (parts + 1)), settings.h, options,
                     state.solver, *scratch_);

@@ -64,6 +64,10 @@ class InstrumentContact {
   void solve(const StepContext& c, const InstrumentSamples& samples, const CondensedProblem& problem,
              const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
+  // To before the last solve, to make it again with another pull: from the forces that it ended with, and
+  // only until its rows hold good.
+  void go_back(const StepContext& c, const InstrumentContactState& before);
+
   const PatchGatherer& patch() const { return gatherer_; }
   ContactScratch& scratch() { return *scratch_; }
   const ContactScratch& scratch() const { return *scratch_; }
@@ -74,6 +78,8 @@ class InstrumentContact {
   PatchGatherer gatherer_;
   std::unique_ptr<ContactScratch> scratch_;            // of the step's solve
   std::unique_ptr<ContactScratch> published_scratch_;  // … and of the problem's that it ends with
+  bool on_the_way_ = false;                            // the last solve met tissue before its pose
+  bool again_ = false;                                 // the next one is that again
   MatX block_;
   std::uint64_t problems_ = 0;
 };

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "physics/simulation/step/factor_stage.h"
 
@@ -27,15 +28,16 @@ class Prediction {
   // By node of the patch: of the last solve [N].
   VecX force(const CondensedProblem& problem) const;
 
-  // The bodies; problem: at the end of the step, before C_pp and positions are renewed.
-  void linearise(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
-                 const InstrumentSamples& samples, const ContactState& before, bool removing,
-                 StepReport& report);
+  // Where the bodies will be; problem: at the end of the step, before C_pp and positions are renewed. Returns
+  // those that can be linearised there …
+  std::vector<int> foresee(const StepContext& c, FactorStage& factors, const CondensedProblem& problem,
+                           const InstrumentSamples& samples, const ContactState& before, bool removing);
+
+  // … and linearises one of them.
+  void linearise(const StepContext& c, FactorStage& factors, int b, const InstrumentSamples& samples,
+                 StepReport& report) const;
 
  private:
-  void linearise_body(const StepContext& c, FactorStage& factors, int b, const VecX& patch_force,
-                      const InstrumentSamples& there, StepReport& report) const;
-
   std::unique_ptr<ContactScratch> scratch_;  // only with a lead
 };
 

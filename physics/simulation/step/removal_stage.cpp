@@ -1,6 +1,7 @@
 #include "physics/simulation/step/removal_stage.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "physics/tissue/fragments.h"
 #include "physics/tissue/tetrahedron.h"
@@ -15,6 +16,12 @@ bool is_crushed(const Body& body, int t) {
   return !(deformation_gradient(x, body.model.gradients[t]).determinant() > crushed);
 }
 
+void count(int body, int gone, Removed& out) {
+  if (gone == 0) return;
+  out.tets += gone;
+  out.bodies.push_back(body);
+}
+
 }  // namespace
 
 void RemovalStage::schedule_thinning(int body, std::span<const int> tets, double time, double begun) {
@@ -24,23 +31,34 @@ void RemovalStage::schedule_thinning(int body, std::span<const int> tets, double
 Removed RemovalStage::remove(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
                              const InstrumentPoses& tips) {
   Removed out;
-  const auto count = [&](int b, int gone) {
-    if (gone == 0) return;
-    out.tets += gone;
-    out.bodies.push_back(b);
-  };
-  for (const Scheduled& s : scheduled_) count(s.body, take(bodies, s.body, s.tets));
+  for (const Scheduled& s : scheduled_) count(s.body, take(bodies, s.body, s.tets), out);
   scheduled_.clear();
+  if (!std::exchange(ahead_, false)) remove_at_tips(bodies, instruments, samples, tips, out);
+  total_ += out.tets;
+  return out;
+}
+
+Removed RemovalStage::remove_ahead(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
+                                   const InstrumentPoses& tips) {
+  Removed out;
+  remove_at_tips(bodies, instruments, samples, tips, out);
+  ahead_ = true;
+  total_ += out.tets;
+  return out;
+}
+
+void RemovalStage::remove_at_tips(Bodies& bodies, Instruments instruments, const InstrumentSamples& samples,
+                                  const InstrumentPoses& tips, Removed& out) {
+  out.by_tips = true;
   for (const Scheduled& s : spent_) {
-    Body& body = bodies[s.body];
+    const Body& body = bodies[s.body];
     const int gone = take(bodies, s.body, s.tets);
-    count(s.body, gone + take(bodies, s.body, hinged_fragments(body.model, body.state, s.tets, crumb_tets)));
+    const std::vector<int> hinged = hinged_fragments(body.model, body.state, s.tets, crumb_tets);
+    count(s.body, gone + take(bodies, s.body, hinged), out);
   }
   spent_.clear();
   for (int i = 0; i < instruments.count(); ++i)
     remove_at_tip(bodies, i, instruments[i], samples[i], tips[i], out);
-  total_ += out.tets;
-  return out;
 }
 
 void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instrument,
@@ -71,9 +89,7 @@ void RemovalStage::remove_at_tip(Bodies& bodies, int i, const Instrument& instru
     }
     if (drawing && (body.state.removed > 0 || body.topology > 0) && passing_[i] <= 0)
       gone += suck_out(bodies, static_cast<int>(b), i, instrument, tip, out);
-    if (gone == 0) continue;
-    out.tets += gone;
-    out.bodies.push_back(static_cast<int>(b));
+    count(static_cast<int>(b), gone, out);
   }
   out.lumen[i].passing = passing_[i];
 }
@@ -136,12 +152,14 @@ int RemovalStage::take(Bodies& bodies, int b, std::span<const int> tets) {
 }
 
 void RemovalStage::tell_compliances(Bodies& bodies) {
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    if (gone_[b].empty()) continue;
-    bodies[b].compliance->remove(bodies[b].state, gone_[b]);
-    gone_[b].clear();
-    bodies[b].free.ahead = false;
-  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) tell_compliance(bodies, static_cast<int>(b));
+}
+
+void RemovalStage::tell_compliance(Bodies& bodies, int b) {
+  if (gone_[b].empty()) return;
+  bodies[b].compliance->remove(bodies[b].state, gone_[b]);
+  gone_[b].clear();
+  bodies[b].free.ahead = false;
 }
 
 }  // namespace hapticd

@@ -96,6 +96,30 @@ TEST(Breaking, FromTheSurfaceAndAtMostSoMany) {
   }
 }
 
+// Looked at bit by bit, in one size of one place a call, the same faces break as at once; and where none do,
+// nobody looks again before tension has grown.
+TEST(Breaking, BitByBitTheSameFacesBreakAsAtOnce) {
+  Bar bar;
+  for (int n = 0; n < bar.model.nodes_in_use; ++n) {
+    const double x = bar.model.mesh.nodes[n].x();
+    bar.model.fixed[n] = x < 1e-9 || x > 4 * size - 1e-9;
+  }
+  bar.strain(along_x(0.05));
+  int calls = 0, most = 0;
+  for (const double toughness : {0.02, 0.2, 0.5, 0.8, 1.0, 3.0}) {
+    const TearSettings settings{.toughness = toughness, .most = 2, .begins = true};
+    const std::vector<int> at_once = faces_that_break(bar.model, bar.state, bar.surface, bar.work, settings);
+    RefusedBreaks refused;
+    std::vector<int> found;
+    for (calls = 0; found.empty() && refused.until == 0 && calls < 2000; ++calls)
+      found = faces_that_break(bar.model, bar.state, bar.surface, bar.work, settings, {}, &refused);
+    EXPECT_EQ(found, at_once) << toughness;
+    EXPECT_EQ(refused.until > 0, at_once.empty()) << toughness;
+    most = std::max(most, calls);
+  }
+  EXPECT_GT(most, 5) << "it was looked at bit by bit";
+}
+
 // Step by step a crack goes in from the surface until the bar is in pieces, and the mesh is valid throughout.
 TEST(Breaking, ACrackGoesFromTheSurfaceThroughTheBar) {
   Bar bar;

@@ -17,8 +17,10 @@ class PressedWorld : public testing::Test {
  protected:
   static InstrumentSample sample() { return {{Vec3(0.01, 0.01, 0.0215), Quat::Identity()}, true}; }
 
-  static std::unique_ptr<World> world(bool corotational, const BodySettings* second = nullptr) {
+  static std::unique_ptr<World> world(bool corotational, const BodySettings* second = nullptr,
+                                      const RemovalSettings& removal = {}) {
     WorldSettings s;
+    s.removal[0] = removal;
     s.h = h;
     s.alarm_distance = 3e-3;
     s.sample_spacing = 1e-3;
@@ -173,6 +175,48 @@ TEST_F(PressedWorld, ByDegreesTheForceFallsByDegrees) {
   for (int i = 0; i < 40; ++i) step(*at_once);
   at_once->schedule_removal(0, under);
   EXPECT_LT(last, 0.75 * (before - step(*at_once).contact.wrench[0].z()));
+}
+
+// What the tip takes goes with the problem that the step before ends with: that is the system without it, and
+// nobody waits for an interim problem. A linear body is linearised once, and cut when its step begins.
+TEST_F(PressedWorld, WhatTheTipTakesGoesWithTheProblemOfTheStepBefore) {
+  for (const bool corotational : {false, true}) {
+    const auto w = world(corotational, nullptr, {.rate = 50, .stroke = 1e-3});
+    published = 0;
+    for (int i = 0; i < 40; ++i) step(*w);
+    InstrumentSample carving = sample();
+    carving.phaco = true;
+    const StepReport report = w->step([&] { return carving; }, *first,
+                                      [&]() -> CondensedProblem& {
+                                        ++published;
+                                        return *second;
+                                      });
+    ASSERT_GT(report.removed, 0);
+    EXPECT_EQ(report.removed_ahead, corotational ? report.removed : 0);
+    EXPECT_EQ(published, corotational ? 0 : 1);
+    EXPECT_EQ(report.interim, !corotational);
+    if (!corotational) continue;
+    EXPECT_TRUE(first->topology_changed);
+    const Body& body = w->bodies()[0];
+    ASSERT_GT(first->samples, 0);
+    for (int k = 0; k < first->samples; ++k)
+      EXPECT_TRUE(body.state.alive[static_cast<std::size_t>(first->sample[k].id >> 14)]);
+
+    ContactState state;
+    const auto scratch = std::make_unique<ContactScratch>();
+    ContactOptions options;
+    options.linearisations = 8;
+    options.margin = contact_margin * 3e-3;
+    const Vec3 told = solve_contact(*first, w->instruments(), sample().pose, h, options, state, *scratch)
+                          .wrench[0]
+                          .head<3>();
+    const StepReport next = step(*w);
+    EXPECT_EQ(next.removed, 0);
+    EXPECT_FALSE(first->topology_changed);
+    const Vec3 own = next.contact.wrench[0].head<3>();
+    EXPECT_GT(own.norm(), 1e-3);
+    EXPECT_LT((told - own).norm(), 1e-2 * own.norm());
+  }
 }
 
 // The tip goes on sideways after the step in which elements went.

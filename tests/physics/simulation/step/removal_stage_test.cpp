@@ -118,6 +118,37 @@ TEST_F(Carving, ByDegreesEachTipTakesItsOwn) {
   EXPECT_EQ(bodies[0].state.left[t], left);
 }
 
+// What tips take in a step goes before it begins, or with its begin: the rate is the same, and what they have
+// spent by degrees goes too. What was scheduled waits for the begin.
+TEST_F(Carving, WhatTheTipsTakeMayGoBeforeTheStep) {
+  RemovalStage stage(RemovalSettings{.rate = 125, .stroke = 1e-4}, h, 1);
+  const auto ahead = [&](RemovalStage& s) { return s.remove_ahead(bodies, instrument, inside, inside.pose); };
+  std::vector<int> per_step;
+  for (int i = 0; i < 4; ++i) {
+    per_step.push_back(ahead(stage).tets);
+    EXPECT_EQ(remove(stage, inside).tets, 0) << "they were taken";
+  }
+  EXPECT_EQ(per_step, (std::vector<int>{2, 3, 2, 3}));
+  EXPECT_EQ(remove(stage, inside).tets, 2) << "of a step that was not begun ahead";
+  const auto last =
+      static_cast<int>(std::find(bodies[0].state.alive.begin(), bodies[0].state.alive.end(), 1) -
+                       bodies[0].state.alive.begin());
+  stage.schedule(0, {last});
+  ahead(stage);
+  EXPECT_TRUE(bodies[0].state.alive[last]);
+  EXPECT_EQ(remove(stage, inside).tets, 1);
+
+  RemovalStage by_degrees(RemovalSettings{.rate = 1e5, .stroke = 1e-4, .gradual = true}, h, 1);
+  by_degrees.thin(bodies, instrument, inside, inside.pose, h);
+  const std::vector<int> met = tets_at_tip(bodies[0].model, bodies[0].state, instrument, inside.pose, 1e-4);
+  const Removed spent = ahead(by_degrees);
+  EXPECT_TRUE(spent.by_tips);
+  EXPECT_GE(spent.tets, std::ssize(met));
+  EXPECT_EQ(std::ssize(by_degrees.gone()[0]), spent.tets);
+  for (const int t : met) EXPECT_FALSE(bodies[0].state.alive[t]);
+  EXPECT_EQ(remove(by_degrees, inside).tets, 0);
+}
+
 TEST_F(Carving, ByDegreesNothingGoesWithoutThePedal) {
   RemovalStage stage(RemovalSettings{.rate = 250, .stroke = 1e-4, .gradual = true}, h, 1);
   InstrumentSample up = inside;
