@@ -59,7 +59,6 @@ TissueExtremes TissueWatch::look(const Bodies& bodies) {
       out.fastest = std::max(out.fastest, v.norm());
     }
     if (!out.finite || !comes_apart(body)) continue;
-    label_anew(body, watched_[b]);
     look_at_step(body, watched_[b], out);
     look_at_free(body, watched_[b], out);
   }
@@ -81,7 +80,8 @@ void TissueWatch::begin_step(const Bodies& bodies) {
     label_anew(body, w);
     w.x = body.state.x;
     w.v = body.state.v;
-    if (split) split_ = std::max(split_, energies(body, w.pieces, w.x, w.v).sum() - before);
+    w.before = energies(body, w.pieces, w.x, w.v);
+    if (split) split_ = std::max(split_, w.before.sum() - before);
   }
 }
 
@@ -111,7 +111,7 @@ VecX TissueWatch::energies(const Body& body, const Pieces& pieces, const std::ve
                            const std::vector<Vec3>& v) {
   VecX H = VecX::Zero(pieces.count());
   for (int t = 0; t < body.model.tet_count(); ++t)
-    if (const int p = pieces.of_tet[t]; p >= 0) H[p] += stored(body, x, t);
+    if (const int p = pieces.of_tet[t]; p >= 0 && body.state.alive[t]) H[p] += stored(body, x, t);
   for (std::size_t n = 0; n < pieces.of_node.size(); ++n)
     if (const int p = pieces.of_node[n]; p >= 0) {
       H[p] += 0.5 * body.state.mass[n] * v[n].squaredNorm();
@@ -127,11 +127,11 @@ VecX TissueWatch::energies(const Body& body, const Pieces& pieces, const std::ve
 }
 
 void TissueWatch::look_at_step(const Body& body, Watched& watched, TissueExtremes& out) {
-  const Pieces& pieces = watched.pieces;
-  const VecX H = energies(body, pieces, body.state.x, body.state.v);
-  for (int k = 0; k < pieces.count(); ++k) watched.piece[k].energy = H[k];
+  // Pieces as they moved: what goes at a step's end was among them.
   if (!watched.x.empty()) {
-    VecX allowed = energies(body, pieces, watched.x, watched.v);
+    const Pieces& pieces = watched.pieces;
+    const VecX H = energies(body, pieces, body.state.x, body.state.v);
+    VecX allowed = watched.before;
     const VecX& f = body.corrected.force;
     for (std::size_t n = 0; n < pieces.of_node.size() && f.size() > 0; ++n)
       if (const int p = pieces.of_node[n]; p >= 0)
@@ -139,9 +139,12 @@ void TissueWatch::look_at_step(const Body& body, Watched& watched, TissueExtreme
     for (int k = 0; k < pieces.count(); ++k)
       out.gained = std::max(out.gained, H[k] - std::max(allowed[k], 0.0));
   }
-  if (pieces.count() > 0) out.energy = std::max(out.energy, H.maxCoeff());
+  label_anew(body, watched);
   watched.x = body.state.x;
   watched.v = body.state.v;
+  watched.before = energies(body, watched.pieces, watched.x, watched.v);
+  for (int k = 0; k < watched.pieces.count(); ++k) watched.piece[k].energy = watched.before[k];
+  if (watched.pieces.count() > 0) out.energy = std::max(out.energy, watched.before.maxCoeff());
 }
 
 void TissueWatch::look_at_free(const Body& body, Watched& watched, TissueExtremes& out) {

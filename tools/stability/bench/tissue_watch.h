@@ -3,7 +3,7 @@
 //   farthest   of a live node from the middle of the removable body at rest [m]
 //   fastest    node [m/s]
 //   gained     H − H_before − fᵀΔx of a piece in the step, f of the instrument and of other bodies on its
-//              nodes; H = ½ Σ m v² + elastic energy, H_before of what the step left of it: never above 0 [J]
+//              nodes; H = ½ Σ m v² + elastic energy, of what the step left of it: never above 0 [J]
 //   split      H after a cut of the mesh − H before it, of the body: never above 0 [J]
 //   made       H − H₀ of a free piece, H₀ since it was last pressed, cut or joined to nothing held: no work
 //              was done on it, so H may only fall [J]
@@ -66,6 +66,7 @@ class TissueWatch {
     Pieces pieces;
     std::vector<Piece> piece;
     std::vector<Vec3> x, v;  // when last looked at; empty: never
+    VecX before;             // H of each piece then
   };
   static void label(const Body& body, Watched& watched);
   static void label_anew(const Body& body, Watched& watched);
