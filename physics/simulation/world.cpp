@@ -16,6 +16,13 @@ bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
 }
 
+// Whether nearly every step removes something. Where it is one in some, an interim problem is felt sooner and
+// as a smaller step: of one that takes half of the force, 7.8 in place of 8.3 % of it in a millisecond.
+bool removes_often(const WorldSettings& s) {
+  return std::any_of(s.removal.value.begin(), s.removal.value.end(),
+                     [&](const RemovalSettings& r) { return r.gradual || r.rate * s.h > 1 + 1e-9; });
+}
+
 }  // namespace
 
 World::World(std::vector<BodySettings> bodies, std::vector<Instrument> instruments,
@@ -173,11 +180,12 @@ void World::look_again(const InstrumentSamples& samples) {
   if (!motion_.are_at(samples)) collision_.near_faces(poses_of(samples), near_);
 }
 
-// What the tips take by the middle of the use of the problem that this step ends with goes with it: the next
-// step would have to begin afresh without that, and publish an interim problem.
+// What the tips take by the middle of the use of the problem that this step ends with goes with it: else the
+// next step begins with an interim problem and a factor of its own.
 bool World::remove_ahead(std::span<const int> foreseen, const InstrumentSamples& samples,
                          StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
+  if (!removes_often(settings_)) return false;
   for (const Body& b : bodies_)
     if (b.removable && !b.model.corotational) return false;  // is not linearised anew
   const Removed removed =

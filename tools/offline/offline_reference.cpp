@@ -105,13 +105,17 @@ RemovalSchedule record_removals(const Scene& scene, const OfflineInput& input, s
       std::vector<int> gone;
       for (std::size_t e = 0; e < now.size(); ++e)
         if (alive[b][e] && !now[e]) gone.push_back(static_cast<int>(e));
-      const double went = t + removal_lead;
+      // What goes with a step's problem is what the next would begin by removing.
+      const bool ahead = report.removed_ahead == report.removed;
+      const double went = t + (ahead ? period : 0) + removal_lead;
+      const std::vector<double>& left = world->bodies()[b].state.left;
+      for (const int e : gone)
+        if (ahead && left[e] < 1) met[b].emplace(e, t + period);
       for (const int e : gone)
         if (const auto at = met[b].find(e); at != met[b].end())
           schedule.push_back(become_less(static_cast<int>(b), e, at->second, went, spent_left));
       if (!gone.empty()) schedule.push_back({went, static_cast<int>(b), gone});
       alive[b] = now;
-      const std::vector<double>& left = world->bodies()[b].state.left;
       for (std::size_t e = 0; e < left.size(); ++e)
         if (now[e] && left[e] < 1) met[b].emplace(static_cast<int>(e), t + period);
     }

@@ -16,16 +16,18 @@ constexpr double part_of_way = 0.05;  // in alarm distances, that contact is sol
 constexpr double most_parts = 6;
 constexpr int linearisations = 2;  // of contact: it says where bodies are linearised, and no more
 
-// Whether it can be linearised where `force` takes it. Where that would turn tissue inside out, or made
-// energy, it is linearised as it stands, if each step makes its factor: the next would make that same one.
+// Whether it can be linearised where `force` takes it. With tissue inside out it is linearised as it stands,
+// if each step makes its factor: the next would make that same one. Not so after a motion that made energy:
+// a hand that hardly keeps still swings sooner then.
 bool foresee_body(FactorStage& factors, Body& body, VecX force, double h) {
   const bool touched = !force.isZero(0);
   {
     const Within free_motion(body.times, StepPart::free_motion);
     finish_free_motion(body, touched ? &force : nullptr);
   }
-  if (body.energy.bounded_steps == 0 && can_predict_linearisation(body)) return true;
-  if (!body.references && body.model.material.law != Law::guarded) {
+  const bool keeps_energy = body.energy.bounded_steps == 0;
+  if (keeps_energy && can_predict_linearisation(body)) return true;
+  if (keeps_energy && !body.references && body.model.material.law != Law::guarded) {
     body.free.dx.setZero();
     return true;
   }

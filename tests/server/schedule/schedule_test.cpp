@@ -216,7 +216,6 @@ TEST(Schedule, AFileThatIsNoneOrAnotherScenesIsRefusedByName) {
 // A step in contact that removes something: what happens when, by the default timing.
 TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
   Scene scene = cube();
-  scene.first().removal.rate = 100;
   std::vector<std::pair<StepAction, std::int64_t>> seen;
   VirtualDaemonSettings settings;
   settings.before = [&](StepAction action, std::int64_t ns) { seen.emplace_back(action, ns - 1000 * ms); };
@@ -231,7 +230,7 @@ TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
       input.device[0].sample.received_ns = input.now_ns;
       input.device[0].sample.enable = true;
       input.device[0].sample.pose = to_device(scene.first().device, {Vec3(10e-3, 10e-3, 22.2e-3), Quat::Identity()});
-      input.device[0].sample.buttons = k >= 40 ? pedal_phaco : 0u;
+      if (k == 40) daemon.schedule_removal(0, {5, 6});
       daemon.tick(input);
     }
   };
