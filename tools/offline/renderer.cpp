@@ -64,6 +64,7 @@ VirtualDaemonSettings DaemonRenderer::settings() {
     s.stall_to = s.stall_from + nanoseconds(options_.stall_for);
   }
   s.after = [this](StepAction action, std::int64_t ns) {
+    if (action == StepAction::begin && options_.begun) options_.begun();
     if (action == StepAction::publish && options_.rendering != Rendering::solved)
       local_.publish(1e-9 * static_cast<double>(ns - first_ns), *daemon_.newest(),
                      daemon_.schedule().report().contact);

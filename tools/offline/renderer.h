@@ -6,6 +6,7 @@
 // Nothing depends on the clock: two runs agree bit for bit. Units: SI, ns in samples. Errors: as World's.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -27,6 +28,7 @@ struct DaemonRendererOptions {
   std::optional<LinkTrouble> link;   // between the daemon's halves
   double problem_old = 0;            // let_problems_grow_old; 0: as usual [s]
   std::optional<double> blend_time;  // after a removal [s]; absent: the daemon's
+  std::function<void()> begun;       // called when a step has begun, after its removals and cuts
   int sweeps_only = 0;               // > 0: contact by so many sweeps of block Gauss-Seidel, in both loops
 };
 

@@ -230,8 +230,9 @@ class Episode {
       scene.first().removal.rate *= 3;
     return scene;
   }
-  static DaemonRendererOptions options(std::uint64_t seed) {
+  DaemonRendererOptions options(std::uint64_t seed) {
     DaemonRendererOptions options;
+    options.begun = [this] { watch_.begin_step(daemon_.world().bodies()); };
     options.reference_steps = 1 + static_cast<int>(seed % 4);
     return options;
   }
