@@ -69,10 +69,11 @@ std::int64_t VirtualDaemon::time_of(const PlannedAction& planned) const {
     case StepAction::finish: {
       const std::int64_t latch =
           schedule_.begun().removed > 0 ? std::max(timing_.latch, timing_.removal_latch) : timing_.latch;
-      return at(std::clamp<std::int64_t>(latch, 0, std::max<std::int64_t>(0, period - ms)));
+      return at(std::clamp<std::int64_t>(latch, 0, std::max<std::int64_t>(0, period - ms)) +
+                timing_.late / 3);
     }
     case StepAction::publish:
-      return at(publish);
+      return at(publish + timing_.late);
     case StepAction::publish_refresh:
       return std::max(free_ns_, refresh_ns_ + timing_.refresh);
     default:

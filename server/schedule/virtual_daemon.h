@@ -29,8 +29,9 @@ struct VirtualTiming {
   std::int64_t interim = 2'000'000;        // its interim problem is published
   std::int64_t latch = 1'000'000;          // the pose of its contact solve
   std::int64_t removal_latch = 4'000'000;  // … at least, where something went: the factor comes first
-  std::int64_t publish = 10'000'000;       // its problem is; at most a period
-  std::int64_t refresh = 2'000'000;        // a problem made again is published, after its pose
+  std::int64_t publish = 10'000'000;       // its problem is; at most a period …
+  std::int64_t late = 0;                // … and so much later, the pose of its contact by a third of that
+  std::int64_t refresh = 2'000'000;     // a problem made again is published, after its pose
   std::int64_t reference = 40'000'000;  // a reference factor is ready, after the begin of the step that asked
   std::int64_t far_tissue = 100'000'000;  // … what is far from a region
 };

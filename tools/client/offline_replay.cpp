@@ -6,7 +6,6 @@
 
 #include "server/os/room.h"
 #include "server/scene/scene_world.h"
-#include "server/schedule/virtual_daemon.h"
 #include "tools/cli/interrupt.h"
 #include "tools/cli/progress.h"
 
@@ -21,7 +20,7 @@ constexpr std::int64_t slots_before_enable = 50, arming_slots = 250;
 }  // namespace
 
 bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources, std::int64_t slots,
-                    const ReplaySinks& sinks) {
+                    const ReplaySinks& sinks, std::optional<LateSteps> late) {
   if (std::llround(1e9 / scene.rate) < ms)
     throw std::invalid_argument("the simulation cannot be faster than the haptic loop");
   require_memory(60'000'000 + memory_of(scene), "");  // else the kernel kills without a word
@@ -31,7 +30,11 @@ bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources,
   std::vector<ContactForce> contacts;
   VirtualDaemonSettings settings;
   settings.first_ns = first_ns;
-  const VirtualDaemon* running = nullptr;
+  VirtualDaemon* running = nullptr;
+  VirtualTiming usual;
+  settings.before = [&](StepAction action, std::int64_t) {
+    if (late) late->before(action, usual, *running);
+  };
   settings.after = [&](StepAction action, std::int64_t) {
     if (action == StepAction::publish && sinks.step)
       sinks.step({now.slot, running->world(), running->schedule().report(), samples_of(running->told()), now,
@@ -39,6 +42,7 @@ bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources,
   };
   VirtualDaemon daemon(make_world(scene), scene.rate, devices_of(scene), haptic_options(scene), settings);
   running = &daemon;
+  usual = usual_timing(daemon.world());
   Progress progress("offline");
   for (std::int64_t i = 0; i < arming_slots + slots; ++i) {
     const std::int64_t now_ns = first_ns + i * ms;

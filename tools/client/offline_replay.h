@@ -13,12 +13,14 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "haptic/loop.h"
 #include "physics/simulation/world.h"
 #include "server/observe/contact_forces.h"
 #include "server/scene/scene.h"
+#include "server/schedule/late_steps.h"
 #include "tools/client/client.h"
 
 namespace hapticd {
@@ -49,8 +51,9 @@ struct ReplaySinks {
 
 // Asks each source for slots 0 … slots − 1. sources: one an instrument, in their order; an instrument beyond
 // them has no client. A state that the watchdog refuses (faster than the device's max_speed) is as if it had
-// not come, and is in the tick's status. Ends early when interrupted (interrupt.h), returning false.
+// not come, and is in the tick's status. Ends early when interrupted (interrupt.h), returning false. late:
+// absent: each step takes the usual time.
 bool replay_offline(const Scene& scene, const std::vector<SlotSource*>& sources, std::int64_t slots,
-                    const ReplaySinks& sinks);
+                    const ReplaySinks& sinks, std::optional<LateSteps> late = {});
 
 }  // namespace hapticd

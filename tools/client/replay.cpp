@@ -32,6 +32,8 @@ struct ReplayOptions {
   bool offline = false;
   std::string scene, record, vtk, schedule;  // offline
   bool allow_refused = false;                // offline
+  double late = 0;                           // offline; spread of the steps' time, 0: none
+  std::uint64_t late_seed = 1;               // offline
   std::vector<double> pivot;                 // offline; scene [m]
   double speed = 1;
   bool no_enable = false;
@@ -188,9 +190,14 @@ int replay_without_daemon(ReplayOptions& options) {
     else
       json["devices"].push_back(std::move(of));
   }
+  std::optional<LateSteps> late;
+  if (options.late > 0) {
+    late.emplace(options.late, options.late_seed);
+    json["late_steps"] = {{"spread", options.late}, {"seed", options.late_seed}};
+  }
   const bool done = run_offline_replay(
       scene, played, slots, {options.session.forces, options.record, options.vtk, options.allow_refused},
-      json, table);
+      late, json, table);
   if (!options.session.json.empty()) write_json(options.session.json, json);
   print(table);
   return done ? 0 : 1;
@@ -300,6 +307,15 @@ Command add_replay(CLI::App& application) {
   app->add_flag("--allow-refused", options->allow_refused,
                 "offline: 0 even if states are faster than the device's max_speed and so refused")
       ->needs(offline);
+  CLI::Option* const late =
+      app->add_option("--late", options->late,
+                      "offline: each step takes 8 ms · exp(SPREAD n), n a normal random number, as on a "
+                      "machine that has more to do")
+          ->check(CLI::Range(0.0, 3.0))
+          ->type_name("SPREAD")
+          ->needs(offline)
+          ->excludes(app->get_option("--schedule"));
+  app->add_option("--late-seed", options->late_seed, "of those numbers")->needs(late);
   app->add_option("--pivot", options->pivot,
                   "offline: turn the (first) instrument about its tip so that its shaft passes through this "
                   "point of the scene [m]; live, the scene's mapping.pivot does")

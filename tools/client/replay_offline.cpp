@@ -218,7 +218,8 @@ std::string file_of_instrument(const std::string& file, const Scene& scene, std:
 }
 
 bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sources, std::int64_t slots,
-                        const OfflineOutputs& outputs, nlohmann::ordered_json& json, Table& table) {
+                        const OfflineOutputs& outputs, const std::optional<LateSteps>& late,
+                        nlohmann::ordered_json& json, Table& table) {
   std::vector<std::unique_ptr<DeviceTrace>> devices;
   for (std::size_t i = 0; i < sources.size(); ++i)
     devices.push_back(std::make_unique<DeviceTrace>(scene, static_cast<int>(i), outputs));
@@ -238,7 +239,7 @@ bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sour
     if (step.slot >= 0) operation->follow(step.world, step.report, step.samples, 1 / scene.rate);
     if (frames) frames->add(step);
   };
-  const bool complete = replay_offline(scene, sources, slots, sinks);
+  const bool complete = replay_offline(scene, sources, slots, sinks, late);
 
   const bool several = devices.size() > 1;
   bool sound = true;

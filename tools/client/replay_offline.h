@@ -9,6 +9,7 @@
 #include <string>
 
 #include "server/scene/scene.h"
+#include "server/schedule/late_steps.h"
 #include "tools/cli/report.h"
 #include "tools/client/client.h"
 
@@ -25,6 +26,7 @@ std::string file_of_instrument(const std::string& file, const Scene& scene, std:
 // sources: one an instrument, in their order. False: interrupted, a force was not finite, or a state was
 // refused and that is not allowed.
 bool run_offline_replay(const Scene& scene, const std::vector<SlotSource*>& sources, std::int64_t slots,
-                        const OfflineOutputs& outputs, nlohmann::ordered_json& json, Table& table);
+                        const OfflineOutputs& outputs, const std::optional<LateSteps>& late,
+                        nlohmann::ordered_json& json, Table& table);
 
 }  // namespace hapticd

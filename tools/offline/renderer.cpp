@@ -49,10 +49,10 @@ DaemonRenderer::DaemonRenderer(const Scene& scene, const DaemonRendererOptions& 
               settings()),
       local_(options.rendering, daemon_.world().instruments(), haptic_options(scene).contact,
              1 / scene.rate) {
-  VirtualTiming timing = usual_timing(daemon_.world());
-  timing.publish = nanoseconds(options.publish_after);
-  timing.reference = nanoseconds(options.reference_steps / scene.rate);
-  daemon_.set_timing(timing);
+  timing_ = usual_timing(daemon_.world());
+  timing_.publish = nanoseconds(options.publish_after);
+  timing_.reference = nanoseconds(options.reference_steps / scene.rate);
+  daemon_.set_timing(timing_);
 }
 
 VirtualDaemonSettings DaemonRenderer::settings() {
@@ -63,8 +63,12 @@ VirtualDaemonSettings DaemonRenderer::settings() {
     s.stall_from = first_ns + nanoseconds(options_.stall_from);
     s.stall_to = s.stall_from + nanoseconds(options_.stall_for);
   }
+  s.before = [this](StepAction action, std::int64_t) {
+    if (options_.late) options_.late->before(action, timing_, daemon_);
+  };
   s.after = [this](StepAction action, std::int64_t ns) {
     if (action == StepAction::begin && options_.begun) options_.begun();
+    if (action == StepAction::publish && options_.published) options_.published();
     if (action == StepAction::publish && options_.rendering != Rendering::solved)
       local_.publish(1e-9 * static_cast<double>(ns - first_ns), *daemon_.newest(),
                      daemon_.schedule().report().contact);

@@ -13,6 +13,7 @@
 
 #include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
+#include "server/schedule/late_steps.h"
 
 namespace hapticd {
 
@@ -28,7 +29,9 @@ struct DaemonRendererOptions {
   std::optional<LinkTrouble> link;   // between the daemon's halves
   double problem_old = 0;            // let_problems_grow_old; 0: as usual [s]
   std::optional<double> blend_time;  // after a removal [s]; absent: the daemon's
-  std::function<void()> begun;       // called when a step has begun, after its removals and cuts
+  std::function<void()> begun;       // called when a step has begun, after its removals and cuts …
+  std::function<void()> published;   // … and when its problem is out
+  std::optional<LateSteps> late;     // in place of publish_after
   int sweeps_only = 0;               // > 0: contact by so many sweeps of block Gauss-Seidel, in both loops
 };
 
@@ -54,6 +57,7 @@ class DaemonRenderer final : public Renderer {
   ForceSample baseline(std::int64_t now_ns);
 
   DaemonRendererOptions options_;
+  VirtualTiming timing_;
   VirtualDaemon daemon_;
   LocalModel local_;
   DeviceSample newest_;

@@ -70,11 +70,9 @@ class Episode {
     report_.in_contact += in_contact > 0;
     report_.both_in_contact += in_contact > 1;
     report_.touching += touching();
-    if (daemon_.world().steps() != steps_) ticks_of_step_ = 0;
-    steps_ = daemon_.world().steps();
-    if (++ticks_of_step_ != looked_at) return;
-    if (const auto broken = judge(watch_.look(daemon_.world().bodies()), watch_.bounds(), report_))
-      fault(k, *broken);
+    if (!seen_) return;
+    if (const auto broken = judge(*seen_, watch_.bounds(), report_)) fault(k, *broken);
+    seen_.reset();
     if (report_.steps % mesh_checked == 0) check_meshes(k);
   }
 
@@ -103,12 +101,15 @@ class Episode {
   };
 
   HandsDaemonSettings daemon_settings(const RandomSettings& of, std::uint64_t seed) {
-    HandsDaemonSettings settings{.passivity_control = of.passivity_control,
-                                 .link = of.link,
-                                 .at_simulation = of.at_simulation,
-                                 .problem_old = of.problem_old,
-                                 .begun = [this] { watch_.begin_step(daemon_.world().bodies()); }};
+    HandsDaemonSettings settings;
+    settings.passivity_control = of.passivity_control;
+    settings.link = of.link;
+    settings.at_simulation = of.at_simulation;
+    settings.problem_old = of.problem_old;
+    settings.begun = [this] { watch_.begin_step(daemon_.world().bodies()); };
+    settings.published = [this] { seen_ = watch_.look(daemon_.world().bodies()); };
     if (settings.link) settings.link->seed = seed;
+    if (of.late_steps > 0) settings.late.emplace(of.late_steps, seed);
     return settings;
   }
 
@@ -190,8 +191,7 @@ class Episode {
   const int nodes_;
   EachInstrument<bool> connected_;
   double energy_ = 0, least_ = 0, energy_by_force_ = 0, least_by_force_ = 0;
-  std::uint64_t steps_ = 0;
-  int ticks_of_step_ = 0;
+  std::optional<TissueExtremes> seen_;  // at the end of a step, not judged yet
 };
 
 void add(const RandomReport& part, RandomReport& sum) {
@@ -231,6 +231,7 @@ RandomReport run_random(const Scene& scene, const std::vector<StrayingHand>& han
   RandomReport report;
   report.hands = static_cast<int>(hands.size());
   report.passivity_control = settings.passivity_control;
+  report.late_steps = settings.late_steps;
   for (const RandomReport& part : parts) add(part, report);
   if (!parts.empty()) report.made_by_episode /= static_cast<double>(parts.size());
   if (report.ticks > 0)

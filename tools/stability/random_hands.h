@@ -30,11 +30,13 @@ struct RandomSettings {
   std::optional<LinkTrouble> link;          // hands_daemon.h; an episode's seed is its own
   EachInstrument<bool> at_simulation = {};  // …
   double problem_old = 0;                   // …
+  double late_steps = 0;                    // their spread (late_steps.h); 0: each takes the usual time
 };
 
 struct RandomReport : TrialTally {
   int hands = 1;
   bool passivity_control = false;
+  double late_steps = 0;                           // their spread
   double cut_area = 0;                             // by blades [m²]
   int nodes_added = 0;                             // … by cuts, all episodes
   int out_of_room = 0;                             // episodes that ended without room for more

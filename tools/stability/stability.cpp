@@ -88,6 +88,7 @@ bool strayed(const char*, StabilityBench&, const Settings& settings, StabilityCh
   RandomSettings random;
   random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 5000 : 1'000'000;
   random.seed = settings.random_seed;
+  random.late_steps = settings.late_steps;
   random.passivity_control = true;
   bool on = true;
   chart.random.push_back(
@@ -106,6 +107,7 @@ bool carved(const char*, StabilityBench&, const Settings& settings, StabilityCha
   if (settings.quick) carve.ticks = 5000;
   if (settings.random_ticks > 0) carve.ticks = settings.random_ticks;
   carve.seed = settings.random_seed;
+  carve.late_steps = settings.late_steps;
   bool on = true;
   chart.carve.push_back(run_carve(read_scene(config_directory() / "scenes/cataract/cataract.yaml"), carve,
                                   [&](double f) { return on = progress(f); }));
@@ -118,6 +120,7 @@ bool strayed_together(const char*, StabilityBench&, const Settings& settings, St
   RandomSettings random;
   random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 2000 : 1'000'000;
   random.seed = settings.random_seed;
+  random.late_steps = settings.late_steps;
   bool on = true;
   for (const int hands : {2, 1}) {
     const double from = hands == 2 ? 0 : 0.7;
@@ -137,6 +140,7 @@ bool strayed_with_a_blade(const char*, StabilityBench&, const Settings& settings
   random.ticks = settings.random_ticks > 0 ? settings.random_ticks : settings.quick ? 2000 : 1'000'000;
   random.episode = 8'000;
   random.seed = settings.random_seed;
+  random.late_steps = settings.late_steps;
   bool on = true;
   chart.random_cuts.push_back(
       run_random(scene, {blade_hand()}, random, [&](double f) { return on = progress(f); }));

@@ -84,6 +84,7 @@ struct StabilitySettings {
   std::int64_t random_ticks = 0;  // of the modes at random; 0: 10⁶, quick 2000 to 20 000
   Shard shard;                    // modes of this part alone
   std::uint64_t random_seed = 1;  // … of its first episode; each further one has the next
+  double late_steps = 0;          // of those (random_hands.h)
 };
 
 std::vector<std::string> stability_mode_names();

@@ -6,6 +6,7 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "tools/offline/renderer.h"
 #include "tools/stability/bench/episodes.h"
@@ -197,12 +198,12 @@ class Script {
 
 class Episode {
  public:
-  Episode(const Scene& scene, std::uint64_t seed, CarveReport& report)
+  Episode(const Scene& scene, std::uint64_t seed, double late_steps, CarveReport& report)
       : scene_(faster(scene, seed)),
         seed_(seed),
         report_(report),
         script_(seed),
-        daemon_(scene_, options(seed)),
+        daemon_(scene_, options(seed, late_steps)),
         watch_(scene_, daemon_.world().bodies(), peak_speed) {}
 
   // False: it ended with a fault.
@@ -230,9 +231,11 @@ class Episode {
       scene.first().removal.rate *= 3;
     return scene;
   }
-  DaemonRendererOptions options(std::uint64_t seed) {
+  DaemonRendererOptions options(std::uint64_t seed, double late_steps) {
     DaemonRendererOptions options;
     options.begun = [this] { watch_.begin_step(daemon_.world().bodies()); };
+    options.published = [this] { seen_ = watch_.look(daemon_.world().bodies()); };
+    if (late_steps > 0) options.late.emplace(late_steps, seed);
     options.reference_steps = 1 + static_cast<int>(seed % 4);
     return options;
   }
@@ -252,13 +255,11 @@ class Episode {
     report_.in_contact += answer.active > 0;
     if (const std::optional<std::string> fault = judge(device, answer, last_, report_)) return fault;
     last_ = answer;
-    if (daemon_.world().steps() != steps_) ticks_of_step_ = 0;
-    steps_ = daemon_.world().steps();
-    return ++ticks_of_step_ == looked_at ? look() : std::nullopt;
+    const std::optional<TissueExtremes> seen = std::exchange(seen_, {});
+    return seen ? judged(*seen) : std::nullopt;
   }
 
-  std::optional<std::string> look() {
-    const TissueExtremes seen = watch_.look(daemon_.world().bodies());
+  std::optional<std::string> judged(const TissueExtremes& seen) {
     if (const std::optional<std::string> fault = judge(seen, watch_.bounds(), report_)) return fault;
     report_.made = std::max(report_.made, seen.made);
     report_.free_steps += seen.free > 0;
@@ -276,8 +277,7 @@ class Episode {
   DaemonRenderer daemon_;
   TissueWatch watch_;
   ForceSample last_;
-  std::uint64_t steps_ = 0;
-  int ticks_of_step_ = 0;
+  std::optional<TissueExtremes> seen_;  // at the end of a step, not judged yet
 };
 
 void add(const CarveReport& part, CarveReport& sum) {
@@ -296,12 +296,13 @@ CarveReport run_carve(const Scene& cataract, const CarveSettings& settings,
                       const std::function<bool(double)>& progress) {
   const auto run = [&](std::uint64_t seed, std::int64_t ticks, CarveReport& report,
                        const std::function<bool(std::int64_t)>& done) {
-    const auto episode = std::make_unique<Episode>(cataract, seed, report);
+    const auto episode = std::make_unique<Episode>(cataract, seed, settings.late_steps, report);
     for (std::int64_t i = 0; i < ticks && episode->tick(i); ++i)
       if (i % 256 == 0 && !done(256)) break;
     episode->finish();
   };
   CarveReport report;
+  report.late_steps = settings.late_steps;
   for (const CarveReport& part :
        run_episodes<CarveReport>(settings.ticks, settings.episode, settings.seed, run, progress))
     add(part, report);

@@ -25,6 +25,7 @@ struct CarveSettings {
   std::int64_t ticks = 1'000'000;
   std::int64_t episode = 100'000;
   std::uint64_t seed = 1;  // of the first episode; each further one has the next
+  double late_steps = 0;   // random_hands.h
 };
 
 struct CarveFault {
@@ -34,6 +35,7 @@ struct CarveFault {
 };
 
 struct CarveReport : TrialTally {
+  double late_steps = 0;  // their spread
   std::int64_t strokes = 0;
   double made = 0, made_allowed = 0;  // by a free piece [J]
   std::int64_t free_steps = 0;        // with a free piece

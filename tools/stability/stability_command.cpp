@@ -193,6 +193,11 @@ Command add_stability(CLI::App& application) {
   app->add_option("--ticks", options->settings.random_ticks,
                   "of random, carve, random two, random cuts and link, default a million; of mentor, 160000")
       ->check(positive);
+  app->add_option("--late", options->settings.late_steps,
+                  "of random, carve, random two and random cuts: each step takes 8 ms · exp(SPREAD n), n a "
+                  "normal random number")
+      ->check(CLI::Range(0.0, 3.0))
+      ->type_name("SPREAD");
   app->add_option("--seed", options->settings.random_seed,
                   "of the first episode of random (40 000 ticks), carve (100 000) and random cuts (8 000); "
                   "the next has "

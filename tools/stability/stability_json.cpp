@@ -141,6 +141,7 @@ nlohmann::ordered_json to_json(const RandomReport& r) {
     j["episodes_out_of_room"] = r.out_of_room;
   }
   j["passivity_control"] = r.passivity_control;
+  j["late_steps"] = r.late_steps;
   j["both_in_contact"] = r.both_in_contact;
   j["touching"] = r.touching;
   j["energy_made_mj"] = rounded(1e3 * r.made, 5);
@@ -157,6 +158,7 @@ nlohmann::ordered_json to_json(const RandomReport& r) {
 
 nlohmann::ordered_json to_json(const CarveReport& r) {
   nlohmann::ordered_json j = to_json(static_cast<const TrialTally&>(r));
+  j["late_steps"] = r.late_steps;
   j["strokes"] = r.strokes;
   j["free_steps"] = r.free_steps;
   j["made_j"] = r.made;

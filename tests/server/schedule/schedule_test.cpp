@@ -229,7 +229,8 @@ TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
       input.device[0].sample.sequence = static_cast<std::uint64_t>(k + 1);
       input.device[0].sample.received_ns = input.now_ns;
       input.device[0].sample.enable = true;
-      input.device[0].sample.pose = to_device(scene.first().device, {Vec3(10e-3, 10e-3, 22.2e-3), Quat::Identity()});
+      input.device[0].sample.pose =
+          to_device(scene.first().device, {Vec3(10e-3, 10e-3, 22.2e-3), Quat::Identity()});
       if (k == 40) daemon.schedule_removal(0, {5, 6});
       daemon.tick(input);
     }
@@ -249,6 +250,27 @@ TEST(VirtualDaemon, ActionsComeAtTheirTimes) {
   EXPECT_EQ(seen[3], (Seen::value_type{A::finish, 44 * ms}));
   EXPECT_EQ(seen[4], (Seen::value_type{A::publish, 50 * ms}));
   EXPECT_EQ(seen[5], (Seen::value_type{A::refresh, 52 * ms}));
+}
+
+// Published 50 ms after its begin; the next begins at once, and leaves out the one that has passed.
+TEST(VirtualDaemon, AStepMayTakeLongerThanItsPeriod) {
+  const Scene scene = cube();
+  using Seen = std::vector<std::pair<StepAction, std::int64_t>>;
+  Seen seen;
+  VirtualDaemonSettings settings;
+  settings.timing = {.latch = 1 * ms, .publish = 20 * ms, .late = 30 * ms};
+  settings.before = [&](StepAction action, std::int64_t ns) { seen.emplace_back(action, ns - 1000 * ms); };
+  VirtualDaemon daemon(make_world(scene), scene.rate, scene.first().device, haptic_options(scene), settings);
+  daemon.advance(1100 * ms);
+  using A = StepAction;
+  EXPECT_EQ(seen, (Seen{{A::begin, 0},
+                        {A::factor, 0},
+                        {A::finish, 11 * ms},
+                        {A::publish, 50 * ms},
+                        {A::begin, 50 * ms},
+                        {A::factor, 50 * ms},
+                        {A::finish, 61 * ms},
+                        {A::publish, 100 * ms}}));
 }
 
 // Whoever is late leaves out grid points; whoever is less than a period late begins at once.

@@ -73,6 +73,23 @@ TEST(Stability, CarvedTissueNeitherBurstsNorEndsTheDaemon) {
   EXPECT_LE(r.force_max, r.device_max);
 }
 
+// One step in six takes more than its period, the longest five.
+TEST(Stability, CarvedTissueBearsStepsThatAreLate) {
+  CarveSettings settings;
+  settings.ticks = 16'000;
+  settings.episode = 8'000;
+  settings.seed = 3001;
+  settings.late_steps = 1;
+  const CarveReport r = run_carve(read_scene(config_directory() / "scenes/cataract/cataract.yaml"), settings,
+                                  [](double) { return true; });
+  for (const CarveFault& f : r.faults)
+    ADD_FAILURE() << "seed " << f.seed << ", tick " << f.tick << ": " << f.what;
+  EXPECT_EQ(r.ticks, settings.ticks);
+  EXPECT_LT(r.steps, 0.95 * static_cast<double>(r.ticks) / 20);
+  EXPECT_GT(r.removed, 100);
+  EXPECT_LE(r.force_max, r.device_max);
+}
+
 // The phaco scene under one of its hands: what is carved cracks besides, along its clefts.
 TEST(Stability, CarvedTissueThatCracksNeitherBurstsNorEndsTheDaemon) {
   Scene scene = read_scene(config_directory() / "scenes/phaco/phaco.yaml");

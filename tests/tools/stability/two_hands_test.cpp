@@ -90,5 +90,21 @@ TEST(TwoHandsAtRandom, NothingBurstsAndTwoMakeNoMoreEnergyThanOne) {
   std::printf("  made %.4f mJ by two hands, %.4f mJ by one\n", 1e3 * two.made, 1e3 * one.made);
 }
 
+TEST(TwoHandsAtRandom, BearStepsThatAreLate) {
+  RandomSettings settings;
+  settings.ticks = 16'000;
+  settings.episode = 8'000;
+  settings.seed = 11;
+  settings.late_steps = 1;
+  const RandomReport r = run_random(read_scene(config_directory() / "scenes/two_hands/two_hands.yaml"),
+                                    lens_hands(2), settings, [](double) { return true; });
+  for (const std::string& fault : r.faults) ADD_FAILURE() << fault;
+  EXPECT_EQ(r.ticks, settings.ticks);
+  EXPECT_LT(r.steps, 0.95 * static_cast<double>(r.ticks) / 20);
+  EXPECT_GT(r.both_in_contact, 500);
+  EXPECT_GT(r.removed, 10);
+  EXPECT_LE(r.force_max, r.device_max * (1 + 1e-9));
+}
+
 }  // namespace
 }  // namespace hapticd

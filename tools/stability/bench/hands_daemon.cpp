@@ -26,8 +26,12 @@ VirtualDaemonSettings HandsDaemon::settings_of(const HandsDaemonSettings& of) {
   VirtualDaemonSettings settings;
   settings.link = of.link;
   settings.at_simulation = of.at_simulation;
-  settings.after = [this, begun = of.begun](StepAction action, std::int64_t ns) {
+  settings.before = [this](StepAction action, std::int64_t) {
+    if (late_) late_->before(action, timing_, daemon_);
+  };
+  settings.after = [this, begun = of.begun, published = of.published](StepAction action, std::int64_t ns) {
     if (action == StepAction::begin && begun) begun();
+    if (action == StepAction::publish && published) published();
     if (action == StepAction::publish && local_)
       local_->publish(seconds(ns), *daemon_.newest(), daemon_.schedule().report().contact);
   };
@@ -36,13 +40,14 @@ VirtualDaemonSettings HandsDaemon::settings_of(const HandsDaemonSettings& of) {
 
 HandsDaemon::HandsDaemon(const Scene& scene, const HandsDaemonSettings& settings)
     : devices_(devices_of(scene)),
+      late_(settings.late),
       daemon_(make_world(scene), scene.rate, devices_, options_of(scene, settings), settings_of(settings)) {
   if (settings.rendering != Rendering::solved)
     local_.emplace(settings.rendering, daemon_.world().instruments(), haptic_options(scene).contact,
                    1 / scene.rate);
-  VirtualTiming timing = usual_timing(daemon_.world());
-  timing.reference = std::llround(1e9 / scene.rate);
-  daemon_.set_timing(timing);
+  timing_ = usual_timing(daemon_.world());
+  timing_.reference = std::llround(1e9 / scene.rate);
+  daemon_.set_timing(timing_);
 }
 
 EachInstrument<ForceSample> HandsDaemon::tick(const EachInstrument<const DeviceSample*>& arrived,

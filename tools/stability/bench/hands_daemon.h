@@ -9,6 +9,7 @@
 #include "server/scene/scene.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
+#include "server/schedule/late_steps.h"
 
 namespace hapticd {
 
@@ -16,8 +17,10 @@ struct HandsDaemonSettings {
   bool passivity_control = false;
   std::optional<LinkTrouble> link;          // between the daemon's halves
   EachInstrument<bool> at_simulation = {};  // virtual_daemon.h
-  double problem_old = 0;       // of the watchdog; a problem is lost 140 ms later; 0: as usual [s]
-  std::function<void()> begun;  // called when a step has begun, after its removals and cuts
+  double problem_old = 0;           // of the watchdog; a problem is lost 140 ms later; 0: as usual [s]
+  std::function<void()> begun;      // called when a step has begun, after its removals and cuts …
+  std::function<void()> published;  // … and when its problem is out
+  std::optional<LateSteps> late;    // absent: each takes the usual time
   Rendering rendering = Rendering::solved;  // others are baselines (baseline_rendering.h)
 };
 
@@ -41,6 +44,8 @@ class HandsDaemon {
   EachInstrument<ForceSample> baseline(const EachInstrument<ForceSample>& of_daemon, std::int64_t now_ns);
 
   const std::vector<DeviceSettings> devices_;
+  std::optional<LateSteps> late_;
+  VirtualTiming timing_;
   VirtualDaemon daemon_;
   std::optional<LocalModel> local_;  // of a baseline
   EachInstrument<DeviceSample> newest_;

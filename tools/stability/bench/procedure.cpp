@@ -71,6 +71,7 @@ class Trial {
   HandsDaemonSettings settings(Rendering rendering) {
     HandsDaemonSettings settings;
     settings.begun = [this] { watch_.begin_step(daemon_.world().bodies()); };
+    settings.published = [this] { seen_ = watch_.look(daemon_.world().bodies()); };
     settings.rendering = rendering;
     return settings;
   }
@@ -186,10 +187,8 @@ class Trial {
   }
 
   void look_at_tissue() {
-    if (daemon_.world().steps() != steps_) ticks_of_step_ = 0;
-    steps_ = daemon_.world().steps();
-    if (++ticks_of_step_ != std::min(looked_at, static_cast<int>(0.75 / (of_.scene.rate * tick_s)))) return;
-    const TissueExtremes seen = watch_.look(daemon_.world().bodies());
+    if (!seen_) return;
+    const TissueExtremes seen = *std::exchange(seen_, {});
     TrialTally& tally = result_.tally;
     ++tally.steps;
     result_.finite = result_.finite && seen.finite;
@@ -228,8 +227,7 @@ class Trial {
   std::vector<Range> rests_;  // of each rest and hand
   EachInstrument<bool> connected_;
   double energy_ = 0, dissipated_ = 0, free_energy_ = 0;
-  std::uint64_t steps_ = 0;
-  int ticks_of_step_ = 0;
+  std::optional<TissueExtremes> seen_;  // at the end of a step, not judged yet
 };
 
 }  // namespace

@@ -44,6 +44,4 @@ inline bool enables(std::int64_t tick, const ForceSample& last) {
   return tick % 200 != 199 || (last.status & (status_disarmed | status_latched)) == 0;
 }
 
-inline constexpr int looked_at = 15;  // ticks after a step has begun: it has ended, and no other has begun
-
 }  // namespace hapticd
