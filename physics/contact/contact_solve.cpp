@@ -245,31 +245,16 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     scratch.on_demand = columns && scratch.rows.edges == 0;
     ++scratch.matrix_version;
   };
-  // A raised diagonal is taken off where the last of them ends; a resumed solve takes off its own.
-  ContactOptions on_the_way = options;
-  if (state.resumed == 0) on_the_way.coulomb.max_rounds = 0;
   // False if the solver met no number.
-  const auto solve = [&](const ContactOptions& with) {
+  const auto solve = [&] {
     warm_start(scratch.working, scratch);
     lost.known = false;
-    solve_rows(with, state.resumed, scratch, out);
+    solve_rows(options, state.resumed, scratch, out);
     if (out.status == SolveStatus::not_finite) return false;
     displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
     out.wrench = wrench_on_instruments(scratch.rows, solved(scratch));
     out.instrument = placed_by(start, out.wrench);
     remember_linearisation(scratch, scratch.working);
-    return true;
-  };
-  // What that leaves unsolved is left out.
-  const auto take_off_raised = [&] {
-    const ContactSolution before = out;
-    const auto lambda = scratch.lambda;
-    scratch.coulomb.raised = std::max(scratch.coulomb.raised, 1);
-    if (!solve(options)) return false;
-    if (out.status == SolveStatus::solved) return true;
-    out = before;
-    scratch.lambda = lambda;
-    displaced_patch(problem, scratch.rows, solved(scratch), scratch.x);
     return true;
   };
   const auto remember = [&](ContactMemory& memory) {
@@ -303,14 +288,14 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     X_lin = out.instrument;
     const ContactSolution before = out;
     build(nullptr);
-    if (!solve(on_the_way)) return;
+    if (!solve()) return;
     for (int again = 0; again < most_returns && usable() && !options.deadline.passed(); ++again) {
       const Reached end{scratch.x, out.instrument};
       if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin,
                                      state.memory.outside, scratch.rows, end, scratch.in_reach))
         break;
       build(&end);
-      if (!solve(on_the_way)) return;
+      if (!solve()) return;
     }
     if (k == 0 && !usable()) break;
     if (k > 0 && !trusted()) {
@@ -324,9 +309,6 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
       return;
     }
   }
-  if (out.raised && out.status == SolveStatus::solved && options.coulomb.max_rounds > 0 &&
-      !options.deadline.passed() && !take_off_raised())
-    return;
   if (serves(options, out)) remember(state.memory);
 }
 

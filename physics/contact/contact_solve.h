@@ -91,7 +91,6 @@ struct ContactSolution {
   int dropped = 0;
   bool near = false;       // turns got on: the wrench is near, whatever the residual
   bool laboured = false;   // resumed, and solved by more than its turns
-  bool raised = false;     // solved on a raised diagonal that was not taken off
   double residual = 0;     // of the last solve, natural map
   double penetration = 0;  // deepest true overlap left after the solve, of any sample [m], ≥ 0
   double lost = 0;         // … of those that no row holds

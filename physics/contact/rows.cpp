@@ -32,6 +32,8 @@
 namespace hapticd {
 namespace {
 
+constexpr int most_new = 24;  // rows with friction, of what one solve let through
+
 // The samples' rows that there are, asked about in their own order.
 class RowsBefore {
  public:
@@ -58,8 +60,9 @@ class RowsBefore {
 // not fit.
 //
 // After a solve, `reached`: rows come, none goes, or a sample that was let through, got a row and then
-// pressed would be let through again. Where they do not fit, those go that the solve says stay open, and gaps
-// at its end decide.
+// pressed would be let through again. With friction a few at a time: a solve that throws tissue lets hundreds
+// through, of which the deepest hold the others. Where they do not fit, those go that the solve says stay
+// open, and gaps at its end decide.
 void select(const CondensedProblem& problem, const PlacedInstruments& placed, const InstrumentPoses& X_lin,
             const PatchPositions& x, const EachInstrument<bool>& outside, double margin,
             const Reached* reached, int capacity, SamplesInReach& in_reach, double slack,
@@ -78,7 +81,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
     rows.row[i].frame.col(0) = gap.normal;
   };
   RowsBefore before(rows, reached != nullptr);
-  int count = 0, dropped = 0;
+  int count = 0, dropped = 0, others = 0;
   Vec3 outward = Vec3::Zero();   // of the face …
   std::int64_t outward_of = -1;  // … that it was made for
   for (const SamplesInReach::Entry& at : in_reach.at(problem, placed, X_lin, x, reach, slack)) {
@@ -90,7 +93,9 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
       for (const Gap& gap : GapsInReach(*placed.at(i), s, reach)) {
         const double end =
             reached ? gap_reached(problem, k, s, gap, X_lin[i], moved[i], reached->x) : gap.distance;
-        if (!(gap.distance < margin) && !before.have(k, i, gap.primitive) && !(end < 0)) continue;
+        const bool near = gap.distance < margin || before.have(k, i, gap.primitive);
+        if (!near && !(end < 0)) continue;
+        const bool known = near || !(problem.sample[k].friction > 0);
         if (obstacle || outward_of != at.face) outward = sample_outward(problem, x, k);
         outward_of = at.face;
         if (!may_press(problem, k, gap, placed.at(i)->radius(static_cast<std::size_t>(gap.primitive)),
@@ -102,20 +107,23 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
           dropped += keep_deepest(candidate, count);
         }
         if (count < capacity) take(count, k, i, gap);
-        candidate[count++] = {end, k, at.face, gap.primitive, i};
+        candidate[count++] = {
+            end, k, at.face, static_cast<std::int16_t>(gap.primitive), static_cast<std::int16_t>(i), known};
+        others += !known;
       }
     }
   }
   rows.dropped = dropped;
   rows.contacts = count;
-  if (count <= capacity) return;
-  const std::span<ContactCandidate> all(candidate.data(), static_cast<std::size_t>(count));
-  if (reached) {
+  if (count <= capacity && others <= most_new) return;
+  const auto all = [&] { return std::span(candidate.data(), static_cast<std::size_t>(count)); };
+  if (others > most_new) count = select_new(all(), most_new);
+  if (reached && count > capacity) {
     const auto stays_open = [](const ContactCandidate& c) { return c.gap > same_gap; };
-    count = static_cast<int>(std::remove_if(all.begin(), all.end(), stays_open) - all.begin());
+    count = static_cast<int>(std::remove_if(all().begin(), all().end(), stays_open) - all().begin());
   }
   if (count > capacity) {
-    rows.dropped += select_contacts(all.first(static_cast<std::size_t>(count)), capacity);
+    rows.dropped += select_contacts(all(), capacity);
     count = capacity;
   }
   rows.contacts = count;

@@ -32,6 +32,18 @@ int keep_deepest(std::span<ContactCandidate> candidate, int count) noexcept {
   return overlapping(candidate.subspan(static_cast<std::size_t>(count)));
 }
 
+int select_new(std::span<ContactCandidate> candidate, int most) noexcept {
+  const auto others =
+      std::partition(candidate.begin(), candidate.end(), [](const ContactCandidate& c) { return c.known; });
+  auto end = candidate.end();
+  if (end - others > most) {
+    select_contacts({others, end}, most);
+    end = others + most;
+  }
+  std::sort(candidate.begin(), end, in_order);
+  return static_cast<int>(end - candidate.begin());
+}
+
 int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcept {
   if (!std::is_sorted(candidate.begin(), candidate.end(), in_order))
     std::sort(candidate.begin(), candidate.end(), in_order);

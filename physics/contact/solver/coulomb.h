@@ -38,7 +38,6 @@ struct CoulombOptions {
   double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 to 320 solves after; 0: never
   int max_sweeps = 200;
   int max_newton = 300;  // steps in all; 0: sweeps only
-  int max_rounds = 8;    // that take a raised diagonal off again
   ColumnsOnDemand columns;
   Deadline deadline;
 };

@@ -13,12 +13,11 @@ namespace hapticd {
 namespace {
 
 constexpr int most_eliminations = 8;
-constexpr double surely = 0.95;        // of the cone, within which a contact is presumed to stick
-constexpr int most_others = 5;         // to one that sticks: beyond, what is left is as hard as the whole
-constexpr int most_within = 16;        // sweeps, and Newton steps, of what is left …
-constexpr double precise = 1e-2;       // … to this part of the residual before …
-constexpr double most_precise = 0.1;   // … or of the tolerance
-constexpr double worth_another = 0.5;  // of the residual left, where the lists are the same again
+constexpr double surely = 0.95;       // of the cone, within which a contact is presumed to stick
+constexpr int most_others = 5;        // to one that sticks: beyond, what is left is as hard as the whole
+constexpr int most_within = 16;       // sweeps, and Newton steps, of what is left …
+constexpr double precise = 1e-2;      // … to this part of the residual before …
+constexpr double most_precise = 0.1;  // … or of the tolerance
 
 enum class Presumed : std::uint8_t { open, sticking, other };
 
@@ -108,19 +107,14 @@ void CoulombSolve::eliminate() noexcept {
     // Their forces would be anything; Newton's stages raise ε if it must be.
     if (e.sticking.pivot_ratio() < hyperstatic && may_raise()) break;
     if (!solve_others(deadline)) break;
-    bool joins = false;
     for (const int i : e.sticking.others()) e.other[i] = 1;
     for (int i = 0; i < s_.contacts; ++i) {
       const double* l = lambda_.data() + 3 * i;
       const bool in_cone = l[0] >= 0 && std::hypot(l[1], l[2]) <= s_.mu[i] * l[0];
       const bool penetrates = l[0] == 0 && ws_.delta[3 * i] < 0;
-      if ((in_cone && !penetrates) || e.other[i]) continue;
-      e.other[i] = 1;
-      joins = true;
+      if (!in_cone || penetrates) e.other[i] = 1;
     }
-    const double last = result_.residual;
     judge(false);
-    if (k > 0 && !joins && result_.residual > worth_another * last) break;
   }
   if (!done() && !(merit_here() < merit)) put_back(ws_.turning_point.data());
 }

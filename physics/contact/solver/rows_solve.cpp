@@ -89,7 +89,6 @@ void solve_friction(CoulombOptions options, ContactScratch& scratch, ContactSolu
       solve_coulomb(rows.W(), rows.q(), mu, lambda, scratch.coulomb, scratch.matrix_version, options, limit);
   out.status = r.status;
   out.residual = r.residual;
-  out.raised = options.max_rounds == 0 && r.relative_diagonal > options.relative_diagonal;
   out.near = out.near || (options.max_newton == 0 && r.sweeps > 0);
 }
 

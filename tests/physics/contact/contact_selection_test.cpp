@@ -80,5 +80,30 @@ TEST(ContactSelection, TheOrderOfDiscoveryDoesNotMatter) {
   }
 }
 
+TEST(ContactSelection, OfNewOnesTheChosenComeBesideAllThatAreKnown) {
+  Random random(9);
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<ContactCandidate> all = random_candidates(random, 20, 6), others;
+    for (ContactCandidate& c : all) {
+      c.known = uniform(random, 0, 1) < 0.4;
+      if (!c.known) others.push_back(c);
+    }
+    std::set<int> expected = chosen(others, 24);
+    for (const ContactCandidate& c : all)
+      if (c.known) expected.insert(c.sample);
+    const auto few = others.size() <= 24 ? all.size() : expected.size();
+    std::shuffle(all.begin(), all.end(), random);
+    const int count = select_new(all, 24);
+    ASSERT_EQ(static_cast<std::size_t>(count), few);
+    for (int i = 0; i < count; ++i) {
+      EXPECT_TRUE(expected.contains(all[static_cast<std::size_t>(i)].sample));
+      if (i > 0) {
+        EXPECT_LT(all[static_cast<std::size_t>(i - 1)].sample, all[static_cast<std::size_t>(i)].sample);
+      }
+    }
+    EXPECT_EQ(select_new(std::span(all).first(static_cast<std::size_t>(count)), 120), count) << "all of them";
+  }
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -79,5 +79,38 @@ TEST(ReachedRows, WhereNotAllFitWhatStaysOpenGoes) {
   EXPECT_EQ(rows.size(), static_cast<std::size_t>(through)) << "the others stay open";
 }
 
+// A solve that throws tissue lets many through: the deepest come in, the others where they still are.
+TEST(ReachedRows, AFewComeInAtATime) {
+  SphereOnSheet s(4, 12, 2.3e-3);
+  const PatchPositions x = s.tilted(1, 0.6e-3);
+  const Reached end{x, s.X};
+  ASSERT_TRUE(s.build(0.05e-3).empty());
+  std::vector<std::size_t> sizes;
+  std::vector<int> before;
+  while (sizes.size() < 2 || sizes.back() > sizes[sizes.size() - 2]) {
+    const auto rows = s.build(0.05e-3, &end);
+    EXPECT_TRUE(std::includes(rows.begin(), rows.end(), before.begin(), before.end()));
+    if (sizes.empty()) {
+      double deepest = 0;
+      int at = -1;
+      for (int k = 0; k < s.problem->samples; ++k) {
+        const Vec3 from = sample_position(*s.problem, s.problem->x_free, k);
+        const double gap =
+            gap_reached(*s.problem, k, from, gap_at(s.instrument, s.X, from), s.X, Vec6::Zero(), x);
+        if (gap >= deepest) continue;
+        deepest = gap;
+        at = k;
+      }
+      EXPECT_TRUE(std::binary_search(rows.begin(), rows.end(), at));
+    }
+    sizes.push_back(rows.size());
+    before = rows;
+  }
+  ASSERT_GE(sizes.size(), 3u);
+  EXPECT_EQ(sizes[0], 24u);
+  EXPECT_GT(sizes.back(), 30u);
+  EXPECT_LT(static_cast<int>(sizes.back()), max_contacts) << "all that it lets through";
+}
+
 }  // namespace
 }  // namespace hapticd

@@ -132,35 +132,5 @@ TEST(Wedge, ADiagonalThatWasTakenOffIsNotReported) {
   EXPECT_GT(solved, 80);
 }
 
-// What is solved without rounds is taken off by a solve that begins there: to the same bits.
-TEST(Wedge, ADiagonalMayBeTakenOffLater) {
-  Random random(34);
-  const auto workspace = std::make_unique<CoulombWorkspace>();
-  int taken_off = 0;
-  for (int trial = 0; trial < 100; ++trial) {
-    const Wedge w = wedge(random, 2 + trial % 6, uniform(random, 0.3, 1));
-    const auto solve = [&](int rounds, VecX& lambda) {
-      workspace->raised = 1;
-      CoulombOptions options;
-      options.max_rounds = rounds;
-      return solve_coulomb(w.W, w.q, w.mu, lambda, *workspace, 1 + static_cast<std::uint64_t>(trial),
-                           options);
-    };
-    VecX at_once = VecX::Zero(w.q.size()), later = at_once;
-    const CoulombResult with = solve(CoulombOptions{}.max_rounds, at_once);
-    workspace->forget();
-    const CoulombResult without = solve(0, later);
-    if (with.status != SolveStatus::solved || with.relative_diagonal > 0) continue;
-    ASSERT_EQ(without.status, SolveStatus::solved) << trial;
-    EXPECT_EQ(without.relative_diagonal, CoulombOptions{}.raised_diagonal) << trial;
-    EXPECT_GT(coulomb_residual(w.W, w.q, later, w.mu), CoulombOptions{}.tolerance) << trial;
-    const CoulombResult taken = solve(CoulombOptions{}.max_rounds, later);
-    EXPECT_EQ(taken.relative_diagonal, 0) << trial;
-    EXPECT_EQ(later, at_once) << trial;
-    ++taken_off;
-  }
-  EXPECT_GT(taken_off, 50);
-}
-
 }  // namespace
 }  // namespace hapticd
