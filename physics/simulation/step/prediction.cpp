@@ -14,8 +14,7 @@ constexpr double most_ahead = 0.5;    // in alarm distances: the patch is that o
 constexpr double first_use = 0.25;    // of a step, after the pose, of a problem that is refreshed
 constexpr double part_of_way = 0.05;  // in alarm distances, that contact is solved on
 constexpr double most_parts = 6;
-constexpr int linearisations = 2;   // of contact: it says where bodies are linearised, and no more …
-constexpr double tolerance = 1e-4;  // … and so of its friction
+constexpr int linearisations = 2;  // of contact: it says where bodies are linearised, and no more
 
 // Whether it can be linearised where `force` takes it. With tissue inside out it is linearised as it stands,
 // if each step makes its factor: the next would make that same one. Not so after a motion that made energy:
@@ -72,7 +71,6 @@ ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& 
   ContactOptions options = contact_options(c.settings);
   options.parts = std::max(1.0, parts);
   options.linearisations = std::min(options.linearisations, linearisations);
-  options.coulomb.tolerance = std::max(options.coulomb.tolerance, tolerance);
   for (int p = 1; p < parts; ++p)
     solve_contact(problem, c.instruments, displaced(from, way, p / parts), h, options, state, *scratch_);
   return solve_contact(problem, c.instruments, X, h, options, state, *scratch_);
