@@ -11,9 +11,9 @@
 #include <optional>
 #include <vector>
 
+#include "server/schedule/late_steps.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
-#include "server/schedule/late_steps.h"
 
 namespace hapticd {
 

@@ -22,7 +22,7 @@ struct ContactCandidate {
   std::uint32_t face;      // equal for the samples of one face, and for no others
   std::int16_t primitive;  // of the instrument
   std::int16_t instrument;
-  bool known = true;  // of those that stay in any case (select_new)
+  bool known = true;  // stays in any case (select_new)
 };
 
 // Moves the chosen ones to the front, by sample index, instrument and primitive; returns how many of the
@@ -33,7 +33,8 @@ int select_contacts(std::span<ContactCandidate> candidate, int capacity) noexcep
 // The same for the `count` deepest alone; count < candidates.
 int keep_deepest(std::span<ContactCandidate> candidate, int count) noexcept;
 
-// All that are known and, of the others, at most so many, chosen so. Returns how many those are in all.
+// Moves to the front, in the same order, all that are known and at most `most` of the others, chosen as
+// select_contacts does. Returns how many those are in all.
 int select_new(std::span<ContactCandidate> candidate, int most) noexcept;
 
 }  // namespace hapticd

@@ -73,7 +73,7 @@ TEST(Stability, CarvedTissueNeitherBurstsNorEndsTheDaemon) {
   EXPECT_LE(r.force_max, r.device_max);
 }
 
-// One step in six takes more than its period, the longest five.
+// One step in six takes more than its period (late_steps.h).
 TEST(Stability, CarvedTissueBearsStepsThatAreLate) {
   CarveSettings settings;
   settings.ticks = 16'000;

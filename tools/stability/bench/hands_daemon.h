@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "server/scene/scene.h"
+#include "server/schedule/late_steps.h"
 #include "server/schedule/virtual_daemon.h"
 #include "tools/offline/baseline_rendering.h"
-#include "server/schedule/late_steps.h"
 
 namespace hapticd {
 
