@@ -12,6 +12,8 @@ namespace hapticd {
 namespace {
 constexpr double share_of_near = 0.5;    // of what a resumed solve that is not usable moves the force by
 constexpr double lost_contact = 0.1e-3;  // [m]
+constexpr double hold = 10e-3;           // where no solve serves, the last wrenches are held so long …
+constexpr double fade = 90e-3;           // … and then fade [s]
 
 WatchdogInput watchdog_input(const HapticInput& input, int i, const CondensedProblem* problem) noexcept {
   const DeviceInput& device = input.device[i];
@@ -40,9 +42,17 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, c
   return answer;
 }
 
+// Whether this tick's solve is not gone on from. A poor iterate may be anything. And time may end one where
+// it has thrown tissue into an instrument: a crumb gives way by 0.3 mm to a force that no residual shows.
+bool is_poor(const HapticOptions& options, double period, const HapticState& s) noexcept {
+  if (!is_usable(s.solution, options) && !s.solution.near) return true;
+  const double deep = std::max(s.overlap, options.contact.too_deep);
+  return options.contact.too_deep > 0 && s.solution.status != SolveStatus::solved &&
+         s.solution.penetration > deep && s.unusable_for + 0.5 * period < hold;
+}
+
 // What the last good wrenches are still worth: held, then fading.
 double share_held(double unusable_for) noexcept {
-  constexpr double hold = 10e-3, fade = 90e-3;
   return std::clamp(1 - (unusable_for - hold) / fade, 0.0, 1.0);
 }
 
@@ -233,9 +243,8 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
   if (contact) {
     finite = solve_tick(*problem, instruments, X, options, input, period, s);
     if (finite && s.solution.status != SolveStatus::solved) ++s.caps;
-    if (finite && !is_usable(s.solution, options) && !s.solution.near) {
-      // A poor iterate may be anything: force, tissue and instruments stay as they were.
-      s.unusable_for += period;
+    if (finite && is_poor(options, period, s)) {
+      s.unusable_for += period;  // force, tissue and instruments stay as they were
     } else if (finite) {
       s.overlap = s.solution.penetration;
       remember(s.scratch.x, s.patch);

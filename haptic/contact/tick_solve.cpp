@@ -17,6 +17,7 @@ constexpr double catch_up_time = 8e-3;     // … else of this time constant [s]
 constexpr double turn_lever = 1e-3;        // by which a turn counts as a way [m]
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
+constexpr int most_new = 24;               // rows with friction, of what a solve let through: time ends it
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 // Where those of X were before; who was not there, where it is.
@@ -148,6 +149,7 @@ bool solve_tick(const CondensedProblem& problem, Instruments instruments, const 
   contact.deadline = input.deadline;
   contact.usable_residual = options.usable_residual;
   contact.numbered = true;
+  contact.most_new = most_new;
   const InstrumentPoses X = catch_up(X_device, period, s.behind);
   // Tissue gives way from the instant in which elements went; until then what was there before is pressed on.
   double T = period;

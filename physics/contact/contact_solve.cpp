@@ -273,8 +273,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     return out.penetration > options.too_deep;
   };
   for (int k = 0; k < linearisations + most_more; ++k) {
-    const bool more = k >= linearisations;
-    if (more && (!(options.too_deep > 0 && usable() && is_too_deep()) || options.deadline.passed())) break;
+    if (k >= linearisations && !(options.too_deep > 0 && usable() && is_too_deep())) break;
     if (k > 0 && options.deadline.passed()) {
       out.status = SolveStatus::deadline;
       break;
@@ -290,7 +289,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     build(nullptr);
     if (!solve()) return;
     for (int again = 0; again < most_returns && usable() && !options.deadline.passed(); ++again) {
-      const Reached end{scratch.x, out.instrument};
+      const Reached end{scratch.x, out.instrument, options.most_new};
       if (!violates_inactive_contact(problem, instruments, X_lin, x_lin, activation, margin,
                                      state.memory.outside, scratch.rows, end, scratch.in_reach))
         break;
@@ -300,7 +299,7 @@ void solve_renewed(const CondensedProblem& problem, Instruments instruments, con
     if (k == 0 && !usable()) break;
     if (k > 0 && !trusted()) {
       // It is left out.
-      const SolveStatus status = more ? before.status : out.status;
+      const SolveStatus status = out.status;
       out = before;
       out.status = status;
       scratch.x = x_lin;

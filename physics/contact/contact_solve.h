@@ -31,13 +31,15 @@ struct ContactOptions {
   // Later ones are left out once forces, weighted by their size, turn by less in a solve, and gaps are true;
   // 0: never [rad].
   double turned = 0;
-  // … and up to three more follow while a sample ends deeper [m]; 0: none.
+  // … and up to three more follow while a sample ends deeper [m]; `solved` if time does not end them. 0: none.
   double too_deep = 0;
   // Gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance.
   double margin = 0;
   // Gap below which it becomes a row at once; one between the two when a solve without it would let it
   // through: fewer rows, the same solution (missed_contact.h) [m]. 0: margin.
   double activation_distance = 0;
+  // With friction, so many of those at a time: what has little time ends nearer with fewer.
+  int most_new = max_patch_samples;
   LcpOptions lcp;
   CoulombOptions coulomb;
   // A solve that ended at a cap with a larger residual leaves memory and coupling as they were, unless

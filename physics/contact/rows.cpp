@@ -32,8 +32,6 @@
 namespace hapticd {
 namespace {
 
-constexpr int most_new = 24;  // rows with friction, of what one solve let through
-
 // The samples' rows that there are, asked about in their own order.
 class RowsBefore {
  public:
@@ -60,9 +58,9 @@ class RowsBefore {
 // not fit.
 //
 // After a solve, `reached`: rows come, none goes, or a sample that was let through, got a row and then
-// pressed would be let through again. With friction a few at a time: a solve that throws tissue lets hundreds
-// through, of which the deepest hold the others. Where they do not fit, those go that the solve says stay
-// open, and gaps at its end decide.
+// pressed would be let through again. With friction `most_new` at a time: a solve that throws tissue lets
+// hundreds through, of which the deepest hold the others. Where they do not fit, those go that the solve says
+// stay open, and gaps at its end decide.
 void select(const CondensedProblem& problem, const PlacedInstruments& placed, const InstrumentPoses& X_lin,
             const PatchPositions& x, const EachInstrument<bool>& outside, double margin,
             const Reached* reached, int capacity, SamplesInReach& in_reach, double slack,
@@ -115,6 +113,7 @@ void select(const CondensedProblem& problem, const PlacedInstruments& placed, co
   }
   rows.dropped = dropped;
   rows.contacts = count;
+  const int most_new = reached ? reached->most_new : count;
   if (count <= capacity && others <= most_new) return;
   const auto all = [&] { return std::span(candidate.data(), static_cast<std::size_t>(count)); };
   if (others > most_new) count = select_new(all(), most_new);

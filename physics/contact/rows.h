@@ -76,6 +76,7 @@ using PatchPositions = std::array<Vec3, max_patch_nodes>;
 struct Reached {
   const PatchPositions& x;
   InstrumentPoses X;
+  int most_new = max_patch_samples;  // rows with friction, of what it let through
 };
 
 // Whether a sample that bore force is gone: its face was removed.

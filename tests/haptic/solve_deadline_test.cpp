@@ -132,6 +132,47 @@ TEST(SolveDeadline, WithoutTimeTheLastGoodForceIsHeldThenFades) {
   EXPECT_GT(again.force.norm(), 0.5 * good.norm());
 }
 
+// Time may end a solve whose residual is small and that leaves tissue inside. It is not called solved.
+TEST(SolveDeadline, WhatEndsTooDeepIsNotCalledSolved) {
+  constexpr double too_deep = 1e-6;
+  int deep = 0, solved = 0;
+  for (std::int64_t us = 0; us < 60; ++us) {
+    Pressed p(0.0);
+    p.options.contact.linearisations = 1;
+    p.options.contact.too_deep = too_deep;
+    p.settled();
+    const ForceSample f = p.tick(1.6e-3, 1000 * us, 1000);
+    const bool late = (f.status & status_solver_cap) != 0;
+    solved += !late;
+    deep += late && f.residual < 1e-7 && p.state->solution.penetration > too_deep;
+    EXPECT_TRUE(late || p.state->solution.penetration <= too_deep) << us;
+  }
+  EXPECT_GT(deep, 0);
+  EXPECT_GT(solved, 0);
+}
+
+// … nor gone on from: force and tissue stay as they were, for as long as a poor iterate's would; then it is
+// the truth there is.
+TEST(SolveDeadline, ThrownTissueIsHeldForAWhile) {
+  for (const double friction : {0.0, 0.4}) {
+    Pressed p(friction);
+    p.options.usable_residual = 1;
+    p.options.contact.too_deep = 2e-6;
+    const ForceSample last = p.settled();
+    ASSERT_LT(last.penetration, 2e-6);
+    for (int i = 1; i <= 10; ++i) {
+      const ForceSample f = p.tick(0.8e-3, 0);
+      EXPECT_NE(f.status & status_solver_cap, 0u);
+      EXPECT_NEAR((f.force - last.force).norm(), 0, 1e-9 * last.force.norm()) << i;
+      EXPECT_EQ(f.penetration, last.penetration);
+    }
+    EXPECT_GT(p.tick(0.8e-3, 0).penetration, 2e-6);
+    const ForceSample enough = p.tick(0.8e-3, 1000 * ms);
+    EXPECT_LT(enough.penetration, 2e-6);
+    EXPECT_GT(enough.force.norm(), 1.5 * last.force.norm());
+  }
+}
+
 // Without friction the last active set is right at once; only the second linearisation is left out.
 TEST(SolveDeadline, WithoutFrictionTheWarmAnswerNeedsNoTime) {
   Pressed late(0.0), enough(0.0);

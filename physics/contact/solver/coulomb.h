@@ -36,6 +36,7 @@ struct CoulombOptions {
   double tolerance = 1e-8;  // on the residual
   double relative_diagonal = 1e-9;
   double raised_diagonal = 1e-4;  // where the solve stalls, and in the 20 to 320 solves after; 0: never
+  int most_rounds = 8;            // in which it is taken off again; 0: it stays
   int max_sweeps = 200;
   int max_newton = 300;  // steps in all; 0: sweeps only
   ColumnsOnDemand columns;

@@ -41,8 +41,7 @@ constexpr int dear_steps = 8;                // LUs that the later stages are no
 constexpr double caution = 1.5;              // of the time that is predicted for them
 constexpr int solves_raised = 20;            // that keep a raised diagonal …
 constexpr int most_solves_raised = 320;      // … twice as many each time it is needed again, to this
-constexpr int most_rounds = 8;               // in which a raised diagonal is taken off again …
-constexpr double tolerance_of_rounds = 0.1;  // … to this part of the tolerance
+constexpr double tolerance_of_rounds = 0.1;  // of the tolerance, that rounds are solved to
 constexpr double worth_a_round = 0.5;        // of the last round's error left
 
 constexpr CoulombStage stages[] = {
@@ -146,7 +145,7 @@ void CoulombSolve::take_off_raised() noexcept {
   if (!s_.anchor) std::fill_n(ws_.anchor.begin(), rows_, 0.0);
   s_.anchor = ws_.anchor.data();
   double last = std::numeric_limits<double>::infinity();
-  for (int round = 0; round < most_rounds && !hurried_ && !options_.deadline.passed(); ++round) {
+  for (int round = 0; round < options_.most_rounds && !hurried_ && !options_.deadline.passed(); ++round) {
     const CoulombResult reached = result_;
     std::copy_n(ws_.anchor.data(), rows_, ws_.last_anchor.data());
     std::copy_n(ws_.best.data(), rows_, ws_.anchor.data());

@@ -115,6 +115,7 @@ void InstrumentContact::publish_contact(const StepContext& c, const InstrumentSa
     const Within solve(c.times(), StepPart::solve);
     ContactOptions options = contact_options(c.settings);
     options.linearisations = 1;  // other loops begin with it
+    options.coulomb.most_rounds = 0;
     if (!usable(solve_contact(problem, c.instruments, poses_of(samples), c.settings.h, options, known,
                               *published_scratch_)))
       known = state.solver;

@@ -71,6 +71,7 @@ ContactSolution Prediction::solve(const StepContext& c, const CondensedProblem& 
   ContactOptions options = contact_options(c.settings);
   options.parts = std::max(1.0, parts);
   options.linearisations = std::min(options.linearisations, linearisations);
+  options.coulomb.most_rounds = 0;
   for (int p = 1; p < parts; ++p)
     solve_contact(problem, c.instruments, displaced(from, way, p / parts), h, options, state, *scratch_);
   return solve_contact(problem, c.instruments, X, h, options, state, *scratch_);

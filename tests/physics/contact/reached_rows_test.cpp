@@ -83,7 +83,7 @@ TEST(ReachedRows, WhereNotAllFitWhatStaysOpenGoes) {
 TEST(ReachedRows, AFewComeInAtATime) {
   SphereOnSheet s(4, 12, 2.3e-3);
   const PatchPositions x = s.tilted(1, 0.6e-3);
-  const Reached end{x, s.X};
+  const Reached end{x, s.X, 24};
   ASSERT_TRUE(s.build(0.05e-3).empty());
   std::vector<std::size_t> sizes;
   std::vector<int> before;
@@ -110,6 +110,11 @@ TEST(ReachedRows, AFewComeInAtATime) {
   EXPECT_EQ(sizes[0], 24u);
   EXPECT_GT(sizes.back(), 30u);
   EXPECT_LT(static_cast<int>(sizes.back()), max_contacts) << "all that it lets through";
+
+  SphereOnSheet other(4, 12, 2.3e-3);
+  const Reached all{x, other.X};
+  ASSERT_TRUE(other.build(0.05e-3).empty());
+  EXPECT_EQ(other.build(0.05e-3, &all).size(), sizes.back()) << "at once, where nobody asks for few";
 }
 
 }  // namespace
