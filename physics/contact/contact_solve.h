@@ -31,7 +31,7 @@ struct ContactOptions {
   // Later ones are left out once forces, weighted by their size, turn by less in a solve, and gaps are true;
   // 0: never [rad].
   double turned = 0;
-  // … and up to three more follow while a sample ends deeper [m]; `solved` if time does not end them. 0: none.
+  // … and up to three more follow while a sample ends deeper [m]; not `solved` if time ends them. 0: none.
   double too_deep = 0;
   // Gap below which a sample is held to the contact's law [m]; 0: the problem's alarm distance.
   double margin = 0;
