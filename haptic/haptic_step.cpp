@@ -14,6 +14,7 @@ constexpr double share_of_near = 0.5;    // of what a resumed solve that is not 
 constexpr double lost_contact = 0.1e-3;  // [m]
 constexpr double hold = 10e-3;           // where no solve serves, the last wrenches are held so long …
 constexpr double fade = 90e-3;           // … and then fade [s]
+constexpr double hold_thrown = 5e-3;     // … so long, where time ends solves that throw tissue [s]
 
 WatchdogInput watchdog_input(const HapticInput& input, int i, const CondensedProblem* problem) noexcept {
   const DeviceInput& device = input.device[i];
@@ -44,11 +45,12 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, c
 
 // Whether this tick's solve is not gone on from. A poor iterate may be anything. And time may end one where
 // it has thrown tissue into an instrument: a crumb gives way by 0.3 mm to a force that no residual shows.
+// Where it begins anew it is where the simulation has it.
 bool is_poor(const HapticOptions& options, double period, const HapticState& s) noexcept {
   if (!is_usable(s.solution, options) && !s.solution.near) return true;
   const double deep = std::max(s.overlap, options.contact.too_deep);
-  return options.contact.too_deep > 0 && s.solution.status != SolveStatus::solved &&
-         s.solution.penetration > deep && s.unusable_for + 0.5 * period < hold;
+  return options.contact.too_deep > 0 && s.solution.status != SolveStatus::solved && !s.any_astray() &&
+         s.solution.penetration > deep && s.unusable_for + 0.5 * period < hold_thrown;
 }
 
 // What the last good wrenches are still worth: held, then fading.

@@ -27,7 +27,7 @@ struct HapticOptions {
   double swap_time = 0;      // … after any other new problem
   // Residual (natural map). A solve that ended at its cap or deadline with a larger one is resumed in the
   // next ticks (contact_solve.h), and the wrench goes half-way to the resumed one each tick. Without any
-  // progress the last good wrench is held for 10 ms, then fades in 90 ms. For as long it is held, and tissue
+  // progress the last good wrench is held for 10 ms, then fades in 90 ms. For 5 ms at most it is, and tissue
   // with it, where time ends a solve whose tissue is deeper inside than `contact.too_deep` and than before.
   double usable_residual = 1e-3;
   // Samples become rows at once if this many ticks like this one can reach them, or if they are within a
