@@ -45,7 +45,7 @@ ForceSample answer_to(const Verdict& verdict, const CondensedProblem* problem, c
 
 // Whether this tick's solve is not gone on from. A poor iterate may be anything. And time may end one where
 // it has thrown tissue into an instrument: a crumb gives way by 0.3 mm to a force that no residual shows.
-// Where it begins anew it is where the simulation has it.
+// In a tick that begins anew the simulation has that tissue inside too, and it is felt.
 bool is_poor(const HapticOptions& options, double period, const HapticState& s) noexcept {
   if (!is_usable(s.solution, options) && !s.solution.near) return true;
   const double deep = std::max(s.overlap, options.contact.too_deep);

@@ -27,8 +27,8 @@ struct HapticOptions {
   double swap_time = 0;      // … after any other new problem
   // Residual (natural map). A solve that ended at its cap or deadline with a larger one is resumed in the
   // next ticks (contact_solve.h), and the wrench goes half-way to the resumed one each tick. Without any
-  // progress the last good wrench is held for 10 ms, then fades in 90 ms. For 5 ms at most it is, and tissue
-  // with it, where time ends a solve whose tissue is deeper inside than `contact.too_deep` and than before.
+  // progress the last good wrench is held for 10 ms, then fades in 90 ms. It is held, and tissue with
+  // it, for 5 ms where an unfinished solve leaves tissue deeper inside than before and than `too_deep`.
   double usable_residual = 1e-3;
   // Samples become rows at once if this many ticks like this one can reach them, or if they are within a
   // fifth of the margin (ContactOptions::activation_distance). Infinity: all within the margin.

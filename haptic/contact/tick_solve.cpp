@@ -17,7 +17,7 @@ constexpr double catch_up_time = 8e-3;     // … else of this time constant [s]
 constexpr double turn_lever = 1e-3;        // by which a turn counts as a way [m]
 constexpr double shortest_part = 0.25e-3;  // of a tick [s]
 constexpr double least_of_margin = 0.2;    // samples that near are rows whatever moves
-constexpr int most_new = 24;               // rows with friction, of what a solve let through: time ends it
+constexpr int most_new = 24;               // rows with friction that a repeated solve adds
 constexpr double shortest_tick = 0.5e-3;   // [s]; states that come closer together know no speed
 
 // Where those of X were before; who was not there, where it is.

@@ -38,7 +38,7 @@ struct ContactOptions {
   // Gap below which it becomes a row at once; one between the two when a solve without it would let it
   // through: fewer rows, the same solution (missed_contact.h) [m]. 0: margin.
   double activation_distance = 0;
-  // With friction, so many of those at a time: what has little time ends nearer with fewer.
+  // Rows with friction that each repeated solve adds at most, of what the last one let through.
   int most_new = max_patch_samples;
   LcpOptions lcp;
   CoulombOptions coulomb;
