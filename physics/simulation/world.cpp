@@ -174,10 +174,15 @@ void World::remove(const InstrumentSamples& samples, StepReport& report) {
   removing_ = std::exchange(removed_ahead_, false) || removed.tets > 0;
 }
 
-// Where no instrument has moved since the start of the step, what is near is known.
-void World::look_again(const InstrumentSamples& samples) {
+void World::find_near(const InstrumentSamples& samples) {
   const Within collision(context_.times(), StepPart::collision);
-  if (!motion_.are_at(samples)) collision_.near_faces(poses_of(samples), near_);
+  collision_.near_faces(poses_of(samples), near_);
+  near_found_ = true;
+}
+
+// Where no instrument has moved since the start of the step, what is near may be known.
+void World::look_again(const InstrumentSamples& samples) {
+  if (!near_found_ || !motion_.are_at(samples)) find_near(samples);
 }
 
 // What the tips take by the middle of the use of the problem that this step ends with goes with it: else the
@@ -193,7 +198,7 @@ bool World::remove_ahead(std::span<const int> foreseen, const InstrumentSamples&
   follow_removal(removed, report);
   if (removed.tets == 0) return false;
   for (const int b : foreseen) removal_.tell_compliance(bodies_, b);
-  collision_.near_faces(poses_of(samples), near_);
+  find_near(samples);
   report.removed_ahead = removed.tets;
   return removing_ = removed_ahead_ = true;
 }
@@ -260,7 +265,10 @@ void World::wake_near(const InstrumentSamples& samples) {
   const Within collision(context_.times(), StepPart::collision);
   for (int b = 0; b < context_.body_count(); ++b)
     if (is_awake(bodies_[b]) && removal_.gone()[b].empty()) collision_.refit(b, bodies_[b].state.x);
-  collision_.near_faces(poses_of(samples), near_);
+  near_found_ = false;
+  if (std::none_of(bodies_.begin(), bodies_.end(), [](const Body& b) { return b.deformable && b.asleep; }))
+    return;
+  find_near(samples);
   for (const NearFace& f : near_) bodies_[f.body].asleep = false;
 }
 
@@ -272,6 +280,7 @@ bool World::fill_interim(const InstrumentSamples& samples, CondensedProblem& pro
   const InstrumentPoses then = poses_in(samples, removal_lead);
   if (usable(published_.solve(context_, then, contact_.state.solver)))
     pressed.force = force_on_patch(*published_.problem, *published_.scratch);
+  if (!near_found_) find_near(samples);
   gather(samples, true, problem, report);
   return fill_interim_problem(context_, removal_.gone(), pressed, problem);
 }

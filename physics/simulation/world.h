@@ -110,6 +110,7 @@ class World {
   void thin(const InstrumentSamples& samples);
   void flow(const InstrumentSamples& samples, StepReport& report);
   void wake_near(const InstrumentSamples& samples);
+  void find_near(const InstrumentSamples& samples);
   void look_again(const InstrumentSamples& samples);
   bool cut(StepReport& report);
   void surfaces_changed(std::span<const int> bodies);
@@ -130,6 +131,7 @@ class World {
   Bodies bodies_;
   Collision collision_;
   std::vector<NearFace> near_;  // of the instruments' newest poses
+  bool near_found_ = false;     // of those that the step began with
 
   InstrumentMotions motion_;
   RemovalStage removal_;

@@ -4,11 +4,20 @@ namespace hapticd {
 namespace {
 
 constexpr int most_solves = 5;  // of a step; what the last one throws is drawn all the same
+constexpr double felt = 1e-6;   // by which a pull moves a tip, or what it draws [m]
 
 EachInstrument<double> vacua(const InstrumentSamples& samples) {
   EachInstrument<double> vacuum;
   for (int i = 0; i < max_instruments; ++i) vacuum[i] = samples[i].vacuum;
   return vacuum;
+}
+
+bool is_felt(const CondensedProblem& problem, const PatchPositions& x_free_without) {
+  for (const InstrumentReference& of : problem.instrument.value)
+    if (of.load.head<3>().norm() > felt * of.coupling.stiffness) return true;
+  for (int n = 0; n < problem.nodes; ++n)
+    if ((problem.x_free[n] - x_free_without[n]).squaredNorm() > felt * felt) return true;
+  return false;
 }
 
 }  // namespace
@@ -17,7 +26,14 @@ EachInstrument<double> Drawing::begin(Instruments instruments, const InstrumentS
                                       const InstrumentPoses& X, const InstrumentPoses& next,
                                       CondensedProblem& problem) {
   solves_ = 1;
-  return apply_suction(instruments, X, next, problem.x_now, vacua(samples), problem);
+  const PatchPositions without = problem.x_free;
+  const EachInstrument<double> occlusion =
+      apply_suction(instruments, X, next, problem.x_now, vacua(samples), problem);
+  if (!is_felt(problem, without)) {
+    remove_suction(problem);
+    problem.x_free = without;  // to the last bit
+  }
+  return occlusion;
 }
 
 bool Drawing::again(Instruments instruments, const InstrumentSamples& samples, const InstrumentPoses& X,
