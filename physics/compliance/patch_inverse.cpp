@@ -8,7 +8,7 @@ namespace hapticd {
 namespace {
 
 constexpr std::size_t large = 200;  // nodes: more than an instrument's patch has
-constexpr int panel = 16;           // nodes
+constexpr int tile = most_tile_rows;
 
 // Of nodes i and j, in a symmetric block.
 void put(Eigen::Ref<MatX> block, int i, int j, Mat3 entry) {
@@ -72,93 +72,109 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eige
       for (Eigen::Index i = 0; i < own; ++i)
         block.block<3, 3>(3 * nodes[i], 3 * nodes[j]) = own_block.block<3, 3>(3 * i, 3 * j);
   }
-  panels_.clear();  // they are of the last piece alone
+  forget();  // what is known is of the last piece alone
 }
 
 void PatchInverse::operator()(const Corner& L, std::span<const int> places, std::span<const int> outside,
-                              const MatX& Y, bool same_L, Eigen::Ref<MatX> block) {
+                              const MatX& half_solved, bool same_L, Eigen::Ref<MatX> block) {
   if (places.size() > large) same_L = false;
   if (outside.empty() && !same_L) return operator()(L, places, block);
-  if (same_L && known_nodes() > 2 * static_cast<int>(places.size()) + panel)
-    same_L = false;  // most have gone by
-  if (!same_L) panels_.clear();
-  add_columns(L, places);
+  if (same_L && rows() > 6 * static_cast<int>(places.size()) + 2 * tile) same_L = false;  // most have gone by
+  if (!same_L) forget();
+  add_rows(L, places);
   gather(places, block);
   const int out = static_cast<int>(outside.size());
-  D_.noalias() = Y.transpose() * Y;
+  D_.noalias() = half_solved.transpose() * half_solved;
   for (int i = 0; i < out; ++i)
     for (int j = 0; j <= i; ++j) put(block, outside[i], outside[j], D_.block<3, 3>(3 * i, 3 * j));
-  std::vector<int> of(known_nodes(), -1);  // in the patch
+  std::vector<int> of(begins_.size() / 3, -1);  // in the patch
   for (int k = 0; k < static_cast<int>(places.size()); ++k)
-    if (places[k] >= 0) of[column_[places[k]]] = k;
-  for (const Panel& p : panels_) {
-    const auto first = of.begin() + p.first;
-    if (out == 0 || std::all_of(first, first + p.nodes, [](int k) { return k < 0; })) continue;
-    const Eigen::Index height = L.rows() - p.top;
-    D_.noalias() = Y.bottomRows(height).transpose() * X_.block(p.top, 3 * p.first, height, 3 * p.nodes);
-    for (int k = 0; k < p.nodes; ++k)
+    if (places[k] >= 0) of[row_[places[k]] / 3] = k;
+  for (int row = 0; out > 0 && row < rows(); row += tile) {
+    const auto first = of.begin() + row / 3;
+    if (std::all_of(first, first + tile / 3, [](int k) { return k < 0; })) continue;
+    const Eigen::Index height = L.rows() - begins_[row];
+    D_.noalias() =
+        half_solved.bottomRows(height).transpose() * Y_.block(row, begins_[row], tile, height).transpose();
+    for (int k = 0; k < tile / 3; ++k)
       for (int i = 0; i < out && first[k] >= 0; ++i)
         put(block, outside[i], first[k], D_.block<3, 3>(3 * i, 3 * k));
   }
 }
 
 void PatchInverse::invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
-  panels_.clear();
-  add_columns(L, places);
+  forget();
+  add_rows(L, places);
   gather(places, block);
 }
 
-int PatchInverse::known_nodes() const {
-  return panels_.empty() ? 0 : panels_.back().first + panels_.back().nodes;
-}
-
-void PatchInverse::add_columns(const Corner& L, std::span<const int> places) {
-  if (panels_.empty()) column_.assign(static_cast<std::size_t>(L.rows() / 3), -1);
+// Whole tiles, so that none has rows of two calls.
+void PatchInverse::add_rows(const Corner& L, std::span<const int> places) {
+  const Eigen::Index size = L.rows();
+  if (begins_.empty()) row_.assign(static_cast<std::size_t>(size / 3), -1);
   new_.clear();
   for (const int place : places)
-    if (place >= 0 && column_[place] < 0) new_.push_back(place);
+    if (place >= 0 && row_[place] < 0) new_.push_back(place);
   std::sort(new_.begin(), new_.end());
   new_.erase(std::unique(new_.begin(), new_.end()), new_.end());
-  const int known = known_nodes();
-  const Eigen::Index columns = 3 * static_cast<Eigen::Index>(known + new_.size());
-  if (X_.rows() < L.rows() || X_.cols() < columns)
-    X_.conservativeResize(std::max(X_.rows(), L.rows()), std::max(X_.cols(), columns + columns / 4));
-  if (C_.rows() < columns) C_.conservativeResize(columns + columns / 4, columns + columns / 4);
-  const std::span<const int> all(new_);
-  for (std::size_t j = 0; j < all.size(); j += panel)
-    add_panel(L, all.subspan(j, std::min<std::size_t>(panel, all.size() - j)));
+  if (new_.empty()) return;
+  const int first = rows(), last = first + 3 * static_cast<int>(new_.size());
+  const int end = first + (last - first + tile - 1) / tile * tile;
+  begins_.resize(static_cast<std::size_t>(end), static_cast<int>(size));
+  make_room(end, size);
+  for (std::size_t k = 0; k < new_.size(); ++k) {
+    const int row = row_[new_[k]] = first + 3 * static_cast<int>(k);
+    for (int c = 0; c < 3; ++c) begins_[row + c] = 3 * new_[k] + c;
+  }
+  for (int row = first; row < end; row += tile) {
+    const int begin = begins_[row] / row_multiple * row_multiple;
+    Y_.block(row, begin, tile, size - begin).setZero();
+    for (int r = row; r < std::min(row + tile, last); ++r) Y_(r, begins_[r]) = 1;
+  }
+  kernels_->solve_rows(L.data(), L.outerStride(), static_cast<int>(size), begins_.data(), first, end,
+                       Y_.data(), Y_.rows(), inverses_.data());
+  kernels_->multiply_rows(Y_.data(), Y_.rows(), static_cast<int>(size), begins_.data(), first, end, C_.data(),
+                          C_.rows());
 }
 
-void PatchInverse::add_panel(const Corner& L, std::span<const int> places) {
-  const int first = known_nodes(), nodes = static_cast<int>(places.size());
-  const Eigen::Index top = 3 * places[0], height = L.rows() - top, width = 3 * nodes;
-  auto X = X_.block(top, 3 * first, height, width);
-  X.setZero();
-  for (int k = 0; k < nodes; ++k) {
-    for (int c = 0; c < 3; ++c) X(3 * places[k] + c - top, 3 * k + c) = 1;
-    column_[places[k]] = first + k;
-  }
-  L.bottomRightCorner(height, height).triangularView<Eigen::Lower>().solveInPlace(X);
-  // Against itself and all before it, from where both are known.
-  panels_.push_back({first, nodes, top});
-  for (std::size_t p = 0, q = 0; p < panels_.size(); p = q) {
-    const Eigen::Index from = std::max(top, panels_[p].top);
-    for (q = p + 1; q < panels_.size() && std::max(top, panels_[q].top) == from;) ++q;
-    const Eigen::Index begin = 3 * panels_[p].first;
-    const Eigen::Index end = 3 * (panels_[q - 1].first + panels_[q - 1].nodes);
-    C_.block(3 * first, begin, width, end - begin).noalias() =
-        X.bottomRows(L.rows() - from).transpose() * X_.block(from, begin, L.rows() - from, end - begin);
-  }
+void PatchInverse::make_room(int rows, Eigen::Index size) {
+  // Columns an odd number of cache lines apart.
+  const auto odd = [](Eigen::Index n) {
+    return n / (2 * row_multiple) * (2 * row_multiple) + 3 * row_multiple;
+  };
+  if (Y_.rows() < rows || Y_.cols() < size)
+    Y_.conservativeResize(std::max(Y_.rows(), odd(std::max<Eigen::Index>(rows, size))),
+                          std::max(Y_.cols(), size));
+  if (C_.rows() < rows) C_.conservativeResize(odd(rows + rows / 4), odd(rows + rows / 4));
+  inverses_.resize(std::max(inverses_.size(), static_cast<std::size_t>((row_multiple + 1) * size)));
 }
 
+// The lower triangle column by column, then its mirror image tile by tile.
 void PatchInverse::gather(std::span<const int> places, Eigen::Ref<MatX> block) const {
-  block.setZero();
-  for (int i = 0; i < static_cast<int>(places.size()); ++i)
-    for (int j = 0; j <= i; ++j) {
-      if (places[i] < 0 || places[j] < 0) continue;
-      const int a = 3 * column_[places[i]], b = 3 * column_[places[j]];
-      put(block, i, j, a >= b ? Mat3(C_.block<3, 3>(a, b)) : Mat3(C_.block<3, 3>(b, a).transpose()));
+  const int count = static_cast<int>(places.size());
+  for (int j = 0; j < count; ++j)
+    for (int i = j; i < count; ++i) {
+      auto entry = block.block<3, 3>(3 * i, 3 * j);
+      if (places[i] < 0 || places[j] < 0) {
+        entry.setZero();
+        continue;
+      }
+      const int a = row_[places[i]], b = row_[places[j]];
+      if (a >= b)
+        entry = -C_.block<3, 3>(a, b);
+      else
+        entry = -C_.block<3, 3>(b, a).transpose();
     }
+  constexpr int nodes = 8;
+  for (int j = 0; j < count; j += nodes) {
+    const int columns = 3 * std::min(nodes, count - j);
+    auto own = block.block(3 * j, 3 * j, columns, columns);
+    own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
+    for (int i = j + nodes; i < count; i += nodes) {
+      const int rows = 3 * std::min(nodes, count - i);
+      block.block(3 * j, 3 * i, columns, rows) = block.block(3 * i, 3 * j, rows, columns).transpose();
+    }
+  }
 }
 
 }  // namespace hapticd

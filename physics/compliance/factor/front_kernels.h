@@ -13,8 +13,8 @@
 // are kept finite. What children add goes into the panel before, into the contribution block after: so the
 // contribution block is written once, without having been cleared or read. Their rows are ascending in the
 // parent too, so eight of the parent's at a time are some of the child's, in its order: a mask says which
-// (`FrontChunk`). Chosen at start from what the processor can do; all are the same template. Guarantee:
-// wait-free, no allocation. Units: F [N/m].
+// (`FrontChunk`). The same tiles solve for rows of a factor's inverse and multiply them. Chosen at start from
+// what the processor can do; all are the same template. Guarantee: wait-free, no allocation. Units: F [N/m].
 #pragma once
 
 #include <cstddef>
@@ -70,9 +70,18 @@ struct FrontKernels {
   void (*add_child)(const double* contribution, std::ptrdiff_t contribution_stride, const FrontChunk* chunks,
                     const FrontChunk* chunks_end, int begin, int end, double* target,
                     std::ptrdiff_t target_stride) noexcept;
+  // Rows `first` to `rows` of Y ← Y L⁻ᵀ, L of `size` rows; row r is zero before column begins[r]. Both
+  // numbers of rows are multiples of `most_tile_rows`, and `inverses` has room for size (row_multiple + 1)
+  // numbers.
+  void (*solve_rows)(const double* L, std::ptrdiff_t L_stride, int size, const int* begins, int first,
+                     int rows, double* Y, std::ptrdiff_t Y_stride, double* inverses) noexcept;
+  // C = −Y Yᵀ: rows `first` to `rows` of its lower triangle, and what is above it in tiles on the diagonal.
+  void (*multiply_rows)(const double* Y, std::ptrdiff_t Y_stride, int size, const int* begins, int first,
+                        int rows, double* C, std::ptrdiff_t C_stride) noexcept;
 };
 
 inline constexpr int row_multiple = 8;
+inline constexpr int most_tile_rows = 24;
 
 constexpr int contribution_origin(int width) noexcept { return width / row_multiple * row_multiple; }
 

@@ -45,7 +45,11 @@ struct Avx2 {
 
 }  // namespace
 
-constinit const FrontKernels avx2_front_kernels = {
-    "avx2", FrontTiles<Avx2>::factor_panel, FrontTiles<Avx2>::make_contribution, FrontTiles<Avx2>::add_child};
+constinit const FrontKernels avx2_front_kernels = {"avx2",
+                                                   FrontTiles<Avx2>::factor_panel,
+                                                   FrontTiles<Avx2>::make_contribution,
+                                                   FrontTiles<Avx2>::add_child,
+                                                   FrontTiles<Avx2>::solve_rows,
+                                                   FrontTiles<Avx2>::multiply_rows};
 
 }  // namespace hapticd

@@ -36,8 +36,11 @@ struct Avx512 {
 
 }  // namespace
 
-constinit const FrontKernels avx512_front_kernels = {"avx512", FrontTiles<Avx512>::factor_panel,
+constinit const FrontKernels avx512_front_kernels = {"avx512",
+                                                     FrontTiles<Avx512>::factor_panel,
                                                      FrontTiles<Avx512>::make_contribution,
-                                                     FrontTiles<Avx512>::add_child};
+                                                     FrontTiles<Avx512>::add_child,
+                                                     FrontTiles<Avx512>::solve_rows,
+                                                     FrontTiles<Avx512>::multiply_rows};
 
 }  // namespace hapticd

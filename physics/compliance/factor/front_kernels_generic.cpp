@@ -15,8 +15,11 @@ struct Generic {
 
 }  // namespace
 
-constinit const FrontKernels generic_front_kernels = {"generic", FrontTiles<Generic>::factor_panel,
+constinit const FrontKernels generic_front_kernels = {"generic",
+                                                      FrontTiles<Generic>::factor_panel,
                                                       FrontTiles<Generic>::make_contribution,
-                                                      FrontTiles<Generic>::add_child};
+                                                      FrontTiles<Generic>::add_child,
+                                                      FrontTiles<Generic>::solve_rows,
+                                                      FrontTiles<Generic>::multiply_rows};
 
 }  // namespace hapticd

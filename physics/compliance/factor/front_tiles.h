@@ -30,12 +30,13 @@ struct FrontTiles {
   struct Tile {
     const double* A;  // its rows, before column `depth`
     const double* B;  // rows that are its columns
-    std::ptrdiff_t stride;
+    std::ptrdiff_t stride, B_stride;
     int depth;
     double* C;
     std::ptrdiff_t C_stride;
     const double* triangle;  // of the tile's columns: L_JJ, and above its diagonal L_JJ⁻ᵀ, to solve with
-    double* reciprocal;      // of the diagonal of both
+    std::ptrdiff_t triangle_stride;
+    double* reciprocal;  // of the diagonal of both
     FrontAhead* ahead;
   };
 
@@ -59,7 +60,7 @@ struct FrontTiles {
         c[j][v] = finish == Finish::none ? Vector{} : load(tile.C + j * tile.C_stride + v * lanes);
     const double* a = tile.A;
     const double* b = tile.B;
-    for (int k = 0; k < tile.depth; ++k, a += tile.stride, b += tile.stride) {
+    for (int k = 0; k < tile.depth; ++k, a += tile.stride, b += tile.B_stride) {
       Vector row[vectors];
 #pragma GCC unroll 3
       for (int v = 0; v < vectors; ++v) row[v] = load(a + v * lanes);
@@ -71,7 +72,7 @@ struct FrontTiles {
     if constexpr (finish == Finish::solve) {
 #pragma GCC unroll 8
       for (int j = columns - 1; j >= 0; --j) {
-        const double* T = tile.triangle + j * tile.stride;
+        const double* T = tile.triangle + j * tile.triangle_stride;
 #pragma GCC unroll 3
         for (int v = 0; v < vectors; ++v) c[j][v] *= tile.reciprocal[j];
 #pragma GCC unroll 8
@@ -147,9 +148,9 @@ struct FrontTiles {
                            FrontAhead& ahead) noexcept {
     const auto tile_at = [&](int row, int column) {
       double* C = P + row + column * stride;
-      return Tile{
-          P + row, P + column, stride, column, C, stride, P + column + column * stride, reciprocal + column,
-          &ahead};
+      const double* L_JJ = P + column + column * stride;
+      return Tile{P + row, P + column,          stride, stride, column, C, stride, L_JJ,
+                  stride,  reciprocal + column, &ahead};
     };
     // Row by row of tiles, so that a row of L stays near while the rows above it pass by.
     const int triangle_end = (width + lanes - 1) / lanes * lanes;
@@ -182,8 +183,77 @@ struct FrontTiles {
         const int column = greater(block, width);
         const int top = greater(row, block);
         double* C = contribution + (top - origin) + (column - width) * contribution_stride;
-        const Tile tile{P + top, P + column, stride, width, C, contribution_stride, nullptr, nullptr, &ahead};
+        const Tile tile{P + top, P + column, stride,  stride, width, C, contribution_stride,
+                        nullptr, 0,          nullptr, &ahead};
         run<Finish::none>((end - top) / lanes, lesser(block + lanes, size) - column, tile);
+      }
+    }
+  }
+
+  // Where the first of some rows begins, in whole tiles.
+  static int begin_of(const int* begins, int row, int end) noexcept {
+    int least = begins[row];
+    for (int r = row + 1; r < end; ++r) least = lesser(least, begins[r]);
+    return least / lanes * lanes;
+  }
+
+  // L_JJ⁻ᵀ of the columns' tile, and of the diagonal.
+  static void invert_triangle(const double* L, std::ptrdiff_t stride, int columns, double* triangle,
+                              double* reciprocal) noexcept {
+    for (int j = 0; j < columns; ++j) reciprocal[j] = 1 / L[j + j * stride];
+    for (int l = 0; l < columns; ++l)  // row l of L⁻ᵀ is column l of L⁻¹
+      for (int j = l + 1; j < columns; ++j) {
+        double sum = L[j + l * stride] * reciprocal[l];
+        for (int k = l + 1; k < j; ++k) sum += L[j + k * stride] * triangle[l + k * lanes];
+        triangle[l + j * lanes] = -sum * reciprocal[j];
+      }
+  }
+
+  static void solve_rows(const double* L, std::ptrdiff_t L_stride, int size, const int* begins, int first,
+                         int rows, double* Y, std::ptrdiff_t Y_stride, double* inverses) noexcept {
+    FrontAhead nothing;
+    double* const reciprocal = inverses + lanes * size;
+    for (int column = 0; column < size; column += lanes)
+      invert_triangle(L + column + column * L_stride, L_stride, lesser(lanes, size - column),
+                      inverses + column * lanes, reciprocal + column);
+    for (int row = first; row < rows; row += most_vectors * lanes) {
+      const int begin = begin_of(begins, row, row + most_vectors * lanes);
+      for (int column = begin; column < size; column += lanes) {
+        const Tile tile{Y + row + begin * Y_stride,
+                        L + column + begin * L_stride,
+                        Y_stride,
+                        L_stride,
+                        column - begin,
+                        Y + row + column * Y_stride,
+                        Y_stride,
+                        inverses + column * lanes,
+                        lanes,
+                        reciprocal + column,
+                        &nothing};
+        run<most_vectors, Finish::solve>(lesser(lanes, size - column), tile);
+      }
+    }
+  }
+
+  static void multiply_rows(const double* Y, std::ptrdiff_t Y_stride, int size, const int* begins, int first,
+                            int rows, double* C, std::ptrdiff_t C_stride) noexcept {
+    FrontAhead nothing;
+    for (int row = first; row < rows; row += most_vectors * lanes) {
+      const int end = row + most_vectors * lanes, begin = begin_of(begins, row, end);
+      for (int column = 0; column < end; column += lanes) {
+        const int top = greater(row, column), from = greater(begin, begin_of(begins, column, column + lanes));
+        const Tile tile{Y + top + from * Y_stride,
+                        Y + column + from * Y_stride,
+                        Y_stride,
+                        Y_stride,
+                        size - from,
+                        C + top + column * C_stride,
+                        C_stride,
+                        nullptr,
+                        0,
+                        nullptr,
+                        &nothing};
+        run<Finish::none>((end - top) / lanes, lanes, tile);
       }
     }
   }

@@ -135,7 +135,7 @@ void InstrumentContact::condense(const StepContext& c, FactorStage& factors, con
                                  CondensedProblem& problem, StepReport& report) {
   const Within condense(c.times(), StepPart::condense);
   const auto nodes = gatherer_.nodes();
-  problem.C().setZero();
+  Eigen::Map<MatX> C = problem.C();
   for (int b = 0; b < c.body_count(); ++b) {
     std::vector<int> of_body, index;
     for (std::size_t i = 0; i < nodes.size(); ++i)
@@ -146,11 +146,16 @@ void InstrumentContact::condense(const StepContext& c, FactorStage& factors, con
     if (of_body.empty()) continue;
     factors.cover(c, b, samples, of_body, report);
     const int n = static_cast<int>(of_body.size());
+    for (const int i : index) C.middleCols<3>(3 * i).setZero();  // of other bodies
+    if (index.back() - index.front() == n - 1) {
+      c.bodies[b].compliance->patch(of_body, C.block(3 * index[0], 3 * index[0], 3 * n, 3 * n));
+      continue;
+    }
     block_.resize(3 * n, 3 * n);
     c.bodies[b].compliance->patch(of_body, block_);
     for (int j = 0; j < n; ++j)
       for (int i = 0; i < n; ++i)
-        problem.C().block<3, 3>(3 * index[i], 3 * index[j]) = block_.block<3, 3>(3 * i, 3 * j);
+        C.block<3, 3>(3 * index[i], 3 * index[j]) = block_.block<3, 3>(3 * i, 3 * j);
   }
 }
 

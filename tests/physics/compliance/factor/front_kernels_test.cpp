@@ -4,9 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "physics/types.h"
@@ -145,6 +148,44 @@ TEST(FrontKernels, APivotThatIsNotPositiveIsRefused) {
       A(16, 16) = pivot;
       EXPECT_FALSE(DenseFront(A, 20).run(*kernels)) << kernels->name << " " << pivot;
       EXPECT_TRUE(DenseFront(A, 16).run(*kernels)) << kernels->name << " " << pivot;
+    }
+}
+
+// Rows of (L⁻¹)ᵀ that begin at any columns, and their products; memory that no row has begun in is poisoned.
+TEST(FrontKernels, RowsOfAnInverseAndTheirProducts) {
+  std::mt19937 random(3);
+  for (const FrontKernels* kernels : front_kernel_sets())
+    for (const int size : {1, 3, 8, 21, 64, 75}) {
+      const MatX G = MatX::Random(size, size);
+      const MatX A = G * G.transpose() + MatX::Identity(size, size), inverse = A.inverse();
+      MatX L = A.llt().matrixL();
+      L.triangularView<Eigen::StrictlyUpper>().setConstant(std::nan(""));
+      constexpr int first_rows = 2 * most_tile_rows, rows = 4 * most_tile_rows;
+      std::vector<int> begins(rows, size);  // the last of each half fill a tile up
+      for (int half : {0, first_rows}) {
+        const auto from = begins.begin() + half, to = from + first_rows - 5;
+        std::generate(from, to, [&] { return static_cast<int>(random() % size); });
+        std::sort(from, to);
+      }
+      MatX Y = MatX::Constant(rows + row_multiple, size, std::nan("")), C = MatX::Constant(rows, rows, 7);
+      for (int row = 0; row < rows; row += most_tile_rows) {
+        const int begin = begins[row] / row_multiple * row_multiple;
+        Y.block(row, begin, most_tile_rows, size - begin).setZero();
+        for (int r = row; r < row + most_tile_rows; ++r)
+          if (begins[r] < size) Y(r, begins[r]) = 1;
+      }
+      std::vector<double> inverses(static_cast<std::size_t>(size * (row_multiple + 1)));
+      for (const auto& [first, last] : {std::pair(0, first_rows), std::pair(first_rows, rows)}) {
+        kernels->solve_rows(L.data(), size, size, begins.data(), first, last, Y.data(), Y.rows(),
+                            inverses.data());
+        kernels->multiply_rows(Y.data(), Y.rows(), size, begins.data(), first, last, C.data(), rows);
+      }
+      for (int j = 0; j < rows; ++j)
+        for (int i = j; i < rows; ++i) {
+          const bool filler = begins[i] == size || begins[j] == size;
+          EXPECT_NEAR(C(i, j), filler ? 0 : -inverse(begins[i], begins[j]), 1e-12)
+              << kernels->name << " " << size << " " << i << " " << j;
+        }
     }
 }
 
