@@ -11,7 +11,8 @@ namespace {
 
 constexpr int watch_priority = 95;  // above haptic_priority and Cyclone's
 static_assert(watch_priority > haptic_priority);
-constexpr std::int64_t interval_ns = 250'000, late_ns = 250'000;
+constexpr std::int64_t late_ns = 250'000;
+constexpr std::int64_t last_core_ns = 250'000, other_cores_ns = 1'000'000;  // between two wake-ups
 constexpr std::size_t most_stalls = 1 << 16;  // a core; later ones are not excused
 
 double milliseconds(std::int64_t ns) { return 1e-6 * static_cast<double>(ns); }
@@ -68,12 +69,14 @@ StallWatch::StallWatch() : watching_(realtime_allowed(watch_priority)) {
   seen_.resize(cores.size());
   for (std::vector<Stall>& seen : seen_) seen.reserve(most_stalls);
   for (std::size_t i = 0; i < cores.size(); ++i)
-    threads_.emplace_back([this, core = cores[i], &seen = seen_[i]] { watch(core, seen); });
+    threads_.emplace_back([this, core = cores[i],
+                           interval = i + 1 < cores.size() ? other_cores_ns : last_core_ns,
+                           &seen = seen_[i]] { watch(core, interval, seen); });
 }
 
 StallWatch::~StallWatch() { stop(); }
 
-void StallWatch::watch(int core, std::vector<Stall>& seen) noexcept {
+void StallWatch::watch(int core, std::int64_t interval_ns, std::vector<Stall>& seen) noexcept {
   name_thread("stall-watch");
   if (!use_core(core).granted || !use_fifo(watch_priority).granted) return;
   std::int64_t due = monotonic_ns();

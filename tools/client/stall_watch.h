@@ -6,9 +6,10 @@
 //
 // The threads are SCHED_FIFO above every priority of ours, so nothing of ours can keep them from their core:
 // what they are late by is the host's of a virtual machine, or the kernel's. It tells whose fault an
-// unanswered slot is. Of a stall up to 500 µs it may see less, or nothing. Cost: 4 000 wake-ups a second and
-// core. Without the right to SCHED_FIFO nothing is watched, and nothing is excused. Units: ns,
-// CLOCK_MONOTONIC. Errors: std::system_error when no thread can be made.
+// unanswered slot is. Of a stall up to 500 µs it may see less, or nothing; of one up to 1.25 ms on a core but
+// the last, which is the haptic thread's. Cost: 4 000 wake-ups a second on that one (8 % of it on a virtual
+// machine), 1 000 on each other: the simulation's. Without the right to SCHED_FIFO nothing is watched, and
+// nothing is excused. Units: ns, CLOCK_MONOTONIC. Errors: std::system_error when no thread can be made.
 #pragma once
 
 #include <atomic>
@@ -65,7 +66,7 @@ class StallWatch {
   WatchedMachine stop();  // ends the watch
 
  private:
-  void watch(int core, std::vector<Stall>& seen) noexcept;
+  void watch(int core, std::int64_t interval_ns, std::vector<Stall>& seen) noexcept;
 
   bool watching_ = false;
   std::atomic<bool> stopping_{false};
