@@ -68,7 +68,7 @@ StepBegin World::begin_step(const InstrumentSamples& samples, CondensedProblem* 
 
   motion_.follow(samples, settings_.h);
   remove(samples, report);
-  wake_near(samples);
+  refit();
   // An interim problem knows what went, not what split.
   const bool split = cut(report);
   report.interim = interim && report.removed > 0 && !split && fill_interim(samples, *interim, report);
@@ -261,15 +261,12 @@ void World::surfaces_changed(std::span<const int> bodies) {
   }
 }
 
-void World::wake_near(const InstrumentSamples& samples) {
+// What sleeps and comes near is woken where it is gathered.
+void World::refit() {
   const Within collision(context_.times(), StepPart::collision);
   for (int b = 0; b < context_.body_count(); ++b)
     if (is_awake(bodies_[b]) && removal_.gone()[b].empty()) collision_.refit(b, bodies_[b].state.x);
   near_found_ = false;
-  if (std::none_of(bodies_.begin(), bodies_.end(), [](const Body& b) { return b.deformable && b.asleep; }))
-    return;
-  find_near(samples);
-  for (const NearFace& f : near_) bodies_[f.body].asleep = false;
 }
 
 bool World::fill_interim(const InstrumentSamples& samples, CondensedProblem& problem, StepReport& report) {

@@ -109,7 +109,7 @@ class World {
   void follow_removal(const Removed& removed, StepReport& report);
   void thin(const InstrumentSamples& samples);
   void flow(const InstrumentSamples& samples, StepReport& report);
-  void wake_near(const InstrumentSamples& samples);
+  void refit();
   void find_near(const InstrumentSamples& samples);
   void look_again(const InstrumentSamples& samples);
   bool cut(StepReport& report);

@@ -120,13 +120,16 @@ void MultifrontalFactor::condense(const SystemMatrix& matrix, int nodes, MatX& S
 void MultifrontalFactor::trailing_corner(int nodes, MatX& corner) const {
   const int size = 3 * nodes;
   const int first = static_cast<int>(x_.size()) - size;
-  corner.setZero(size, size);
+  corner.resize(size, size);
   for (auto front = plan_.fronts.rbegin(); front != plan_.fronts.rend(); ++front) {
     if (front->first + front->width <= first) break;
     for (int k = std::max(0, first - front->first); k < front->width; ++k) {
       const double* column = values_.data() + front->panel + k * front->stride;
       const int j = front->first + k - first;
-      for (int i = k; i < front->width; ++i) corner(front->first + i - first, j) = column[i];
+      double* to = corner.col(j).data();
+      std::fill_n(to, j, 0.0);
+      double* below = std::copy(column + k, column + front->width, to + j);
+      std::fill(below, to + size, 0.0);
       for (int i = front->width; i < front->size; ++i)
         corner(plan_.below[front->below + i - front->width] - first, j) = column[i];
     }

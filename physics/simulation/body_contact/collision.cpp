@@ -91,6 +91,7 @@ struct Ball {
 struct Body {
   std::vector<SurfaceFace> faces;
   double widest = 0;                         // face at first [m]
+  Box box;                                   // of all faces
   std::vector<std::array<Vec3, 3>> corners;  // of each face
   std::vector<Box> boxes;
   std::vector<Ball> balls;
@@ -130,6 +131,11 @@ void find_box(Body& body, std::size_t f, std::span<const Vec3> positions) {
   body.balls[f] = {centre, std::sqrt(square)};
 }
 
+void find_whole_box(Body& body) {
+  body.box = Box();
+  for (const Box& of_face : body.boxes) body.box += of_face;
+}
+
 }  // namespace
 
 Collision::Collision(Instruments instruments, double alarm_distance) : impl_(new Impl) {
@@ -160,6 +166,7 @@ void Collision::set_surface(int index, std::span<const SurfaceFace> faces, std::
   body.boxes.resize(body.faces.size());
   body.balls.resize(body.faces.size());
   for (std::size_t f = 0; f < body.faces.size(); ++f) find_box(body, f, positions);
+  find_whole_box(body);
 }
 
 void Collision::refit(int index, std::span<const Vec3> positions) {
@@ -170,6 +177,7 @@ void Collision::refit(int index, std::span<const Vec3> positions) {
     require_bounded(body.faces[f], body.widest, index, positions);
     find_box(body, f, positions);
   }
+  find_whole_box(body);
 }
 
 void Collision::near_faces(const InstrumentPoses& poses, std::vector<NearFace>& out) {
@@ -194,6 +202,7 @@ void Collision::near_faces(const InstrumentPoses& poses, std::vector<NearFace>& 
     };
     for (std::size_t b = 0; b < impl_->bodies.size(); ++b) {
       const Body& body = impl_->bodies[b];
+      if (!body.box.overlap(box)) continue;
       for (std::size_t f = 0; f < body.boxes.size(); ++f)
         if (body.boxes[f].overlap(box) && may_touch(body.balls[f]) && touches(body.corners[f]))
           out.push_back({static_cast<int>(b), static_cast<int>(f)});
