@@ -131,7 +131,7 @@ class World {
   Bodies bodies_;
   Collision collision_;
   std::vector<NearFace> near_;  // of the instruments' newest poses
-  bool near_found_ = false;     // of those that the step began with
+  bool near_found_ = false;     // in this step
 
   InstrumentMotions motion_;
   RemovalStage removal_;

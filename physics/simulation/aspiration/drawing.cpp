@@ -14,7 +14,7 @@ EachInstrument<double> vacua(const InstrumentSamples& samples) {
 
 bool is_felt(const CondensedProblem& problem, const PatchPositions& x_free_without) {
   for (const InstrumentReference& of : problem.instrument.value)
-    if (of.load.head<3>().norm() > felt * of.coupling.stiffness) return true;
+    if (of.coupling.stiffness > 0 && of.load.head<3>().norm() > felt * of.coupling.stiffness) return true;
   for (int n = 0; n < problem.nodes; ++n)
     if ((problem.x_free[n] - x_free_without[n]).squaredNorm() > felt * felt) return true;
   return false;

@@ -3,10 +3,10 @@
 //
 //   begin: pull of what the ports cover now;   again: of what they cover where the solve with it has ended
 //
-// What a solve threw farther than a port is wide and reaches is let go (`let_go`, suction.h): a crumb of
-// 0.01 mm³ goes centimetres in a step with a hundredth of the pull, in which no linearisation holds. Units as
-// there. Errors: none. Guarantee: no allocation once made. Departure: let go for the whole step, where
-// in truth it would be for a part of it.
+// A pull that moves neither tip nor tissue by a micrometre is left out, and nothing is solved twice. What a
+// solve threw farther than a port is wide and reaches is let go (`let_go`, suction.h): a crumb of 0.01 mm³
+// goes centimetres in a step with a hundredth of the pull, in which no linearisation holds. Let go for the
+// whole step: in truth it would be for a part of it. Units: suction.h. Guarantee: no allocation once made.
 #pragma once
 
 #include <memory>

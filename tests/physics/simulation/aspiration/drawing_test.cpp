@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/suction_sheet.h"
 
 namespace hapticd {
@@ -10,8 +12,15 @@ namespace {
 
 using namespace suction;
 
+// Its nodes yield, each by itself.
+std::unique_ptr<CondensedProblem> soft_sheet() {
+  auto problem = sheet(4e-3, 10, 0);
+  problem->C().diagonal().setConstant(0.1);
+  return problem;
+}
+
 struct DrawingOf : testing::Test {
-  std::unique_ptr<CondensedProblem> problem = sheet(4e-3, 10, 0);
+  std::unique_ptr<CondensedProblem> problem = soft_sheet();
   const Instrument tip = needle();
   InstrumentSamples hand;
   InstrumentPoses X;
@@ -43,6 +52,30 @@ TEST_F(DrawingOf, IsMadeAgainOnceWhereNothingIsThrown) {
   EXPECT_EQ(occlusion[0], 0);
   EXPECT_EQ(pull(), 0);
   EXPECT_FALSE(again());
+}
+
+// A pull is left out, and x_free stays to the last bit, where it moves no node by a micrometre, nor the tip.
+TEST_F(DrawingOf, APullThatMovesNothingIsLeftOut) {
+  const PatchPositions before = soft_sheet()->x_free;
+  double farthest = 0;
+  for (int n = 0; n < problem->nodes; ++n)
+    farthest = std::max(farthest, (problem->x_free[n] - before[n]).norm());
+  const auto begin = [&](double moves, double stiffness) {
+    problem = soft_sheet();
+    problem->instrument[0].coupling.stiffness = stiffness;
+    hand[0].vacuum = vacuum * moves / farthest;
+    occlusion = drawing.begin(tip, hand, X, X, *problem);
+    EXPECT_EQ(occlusion[0], 1);
+    return is_pulled(*problem);
+  };
+  for (const double stiffness : {0.0, 1e6}) {
+    EXPECT_FALSE(begin(0.99e-6, stiffness));
+    EXPECT_EQ(pull(), 0);
+    for (int n = 0; n < problem->nodes; ++n) EXPECT_EQ(problem->x_free[n], before[n]);
+    EXPECT_TRUE(begin(1.01e-6, stiffness));
+  }
+  EXPECT_TRUE(begin(0.5e-6, 0.4 * vacuum * port_area / farthest)) << "the tip moves by 1.25 µm";
+  EXPECT_FALSE(begin(0.5e-6, 0.6 * vacuum * port_area / farthest)) << "the tip moves by 0.83 µm";
 }
 
 // What moves farther than the port is wide and reaches is let go, and stays so; the port has its whole
