@@ -261,12 +261,16 @@ void World::surfaces_changed(std::span<const int> bodies) {
   }
 }
 
-// What sleeps and comes near is woken where it is gathered.
+// What sleeps and comes near is woken where it is gathered; of bodies that touch others, before their contact
+// is looked for.
 void World::refit() {
   const Within collision(context_.times(), StepPart::collision);
   for (int b = 0; b < context_.body_count(); ++b)
     if (is_awake(bodies_[b]) && removal_.gone()[b].empty()) collision_.refit(b, bodies_[b].state.x);
   near_found_ = false;
+  if (contacts().empty()) return;
+  find_near(begun_with_);
+  for (const NearFace& f : near_) bodies_[f.body].asleep = false;
 }
 
 bool World::fill_interim(const InstrumentSamples& samples, CondensedProblem& problem, StepReport& report) {
