@@ -83,6 +83,7 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, std:
   if (!same_L) forget();
   add_rows(L, places);
   gather(places, block);
+  if (outside.empty()) return;
   const int out = static_cast<int>(outside.size());
   D_.noalias() = half_solved.transpose() * half_solved;
   for (int i = 0; i < out; ++i)
@@ -90,7 +91,7 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, std:
   std::vector<int> of(begins_.size() / 3, -1);  // in the patch
   for (int k = 0; k < static_cast<int>(places.size()); ++k)
     if (places[k] >= 0) of[row_[places[k]] / 3] = k;
-  for (int row = 0; out > 0 && row < rows(); row += tile) {
+  for (int row = 0; row < rows(); row += tile) {
     const auto first = of.begin() + row / 3;
     if (std::all_of(first, first + tile / 3, [](int k) { return k < 0; })) continue;
     const Eigen::Index height = L.rows() - begins_[row];

@@ -258,6 +258,7 @@ void World::surfaces_changed(std::span<const int> bodies) {
   for (const int b : bodies) {
     collision_.set_surface(b, bodies_[b].surface.faces(), bodies_[b].state.x);
     body_contact_.surface_changed(bodies_, b);
+    near_found_ = false;  // faces have other numbers
   }
 }
 

@@ -70,9 +70,9 @@ struct FrontKernels {
   void (*add_child)(const double* contribution, std::ptrdiff_t contribution_stride, const FrontChunk* chunks,
                     const FrontChunk* chunks_end, int begin, int end, double* target,
                     std::ptrdiff_t target_stride) noexcept;
-  // Rows `first` to `rows` of Y ← Y L⁻ᵀ, L of `size` rows; row r is zero before column begins[r]. Both
-  // numbers of rows are multiples of `most_tile_rows`, and `inverses` has room for size (row_multiple + 1)
-  // numbers.
+  // Rows `first` to `rows` of Y ← Y L⁻ᵀ, L of `size` rows; row r is zero before column begins[r]. Both are
+  // multiples of `most_tile_rows`. Of each so many rows what is before their least column, rounded down to a
+  // row_multiple, is not read; the rest has to be set. inverses: room for size (row_multiple + 1) numbers.
   void (*solve_rows)(const double* L, std::ptrdiff_t L_stride, int size, const int* begins, int first,
                      int rows, double* Y, std::ptrdiff_t Y_stride, double* inverses) noexcept;
   // C = −Y Yᵀ: rows `first` to `rows` of its lower triangle, and what is above it in tiles on the diagonal.

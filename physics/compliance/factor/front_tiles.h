@@ -19,6 +19,7 @@ struct FrontTiles {
   using Vector = typename Isa::Vector;
   static constexpr int lanes = Isa::lanes;
   static constexpr int most_vectors = 3;
+  static_assert(most_tile_rows % (most_vectors * lanes) == 0 && row_multiple % lanes == 0);
 
   static Vector load(const double* p) noexcept {
     Vector v;
