@@ -4,6 +4,8 @@
 //   int main() { use_one_blas_thread(); … }
 //
 // More than one loses on fronts as small as ours, and its workers would fight the haptic thread for its core.
+// Those that it made before `main` end: they block no signal, and while METIS orders it has a SIGTERM handler
+// of its own, which in a thread that is not its caller's crashes the process or loses the signal.
 #pragma once
 
 namespace hapticd {

@@ -160,10 +160,10 @@ void define_network(CLI::App& app, Arguments& a) {
       ->type_name("NAME");
 }
 
-// Threads that a library made before main (OpenBLAS's) do not block what this one waits for. What reaches one
-// of them, as it does while this one is busy, would end the process by default: it is handed over. The kernel
-// lets no thread send another what says that kill or the kernel sent it: so as if queued, and a lost terminal
-// as SIGTERM.
+// A thread that a library made before main would not block what this one waits for (OpenBLAS's have ended:
+// blas_threads.h). What reaches it while this one is busy would end the process by default: it is handed
+// over. The kernel lets no thread send another what says that kill or the kernel sent it: so as if queued,
+// and a lost terminal as SIGTERM.
 pid_t waiting_thread = 0;
 void hand_over(int number, siginfo_t* info, void*) {
   const int before = errno;

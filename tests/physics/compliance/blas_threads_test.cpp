@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <iterator>
+
 #include "tests/physics/compliance/oracle.h"
 
 #ifdef HAPTICD_OPENBLAS
@@ -12,6 +15,16 @@ namespace hapticd {
 namespace {
 
 TEST(BlasThreads, ThisProgramHasOne) { EXPECT_EQ(blas_threads(), 1); }
+
+// One that waits would take a signal that the program's own threads block.
+TEST(BlasThreads, NoneIsLeftThatTheProgramDidNotMake) {
+#ifdef __SANITIZE_THREAD__
+  GTEST_SKIP() << "the sanitizer has one of its own";
+#endif
+  use_one_blas_thread();
+  const std::filesystem::directory_iterator tasks("/proc/self/task");
+  EXPECT_EQ(std::distance(begin(tasks), end(tasks)), 1);
+}
 
 // A setting of the whole process is the program's: no factory and no factorisation changes it.
 TEST(BlasThreads, AreNotSetByAnyCompliance) {

@@ -178,8 +178,8 @@ TEST_F(ServiceDaemon, IsNotPingedForWhileEitherLoopIsHeld) {
   EXPECT_EQ(daemon.wait(10'000), 0);
 }
 
-// OpenBLAS's threads are older than main and block nothing: a signal that came while the main thread was busy
-// with the one before reached them, and ended the process.
+// A signal that came while the main thread was busy with the one before reached OpenBLAS's threads, older
+// than main, that blocked nothing, and ended the process.
 TEST_F(ServiceDaemon, AStormOfSignalsEndsNothing) {
   ChildProcess daemon(command());
   ASSERT_NE(hear(20'000 * ms, "READY=1").find("READY=1"), std::string::npos);
