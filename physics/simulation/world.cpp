@@ -244,6 +244,7 @@ bool World::cut(StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
   const std::vector<int> split = cutting_.realise(bodies_, instruments_);
   surfaces_changed(split);
+  for (const int b : split) removal_.schedule_hinged(bodies_, b, cutting_.around_parted(bodies_, b));
   report.split = !split.empty();
   report.out_of_room = cutting_.out_of_room();
   return report.split;

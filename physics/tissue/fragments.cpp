@@ -46,21 +46,21 @@ std::vector<int> joined_to(const TissueModel& model, const TissueState& state, i
   return joined;
 }
 
-// Of a whole fragment: it can turn about what it hangs on. That is the nodes of others that nothing of the
-// world holds, or fewer than three nodes, others' or held.
+// Of a whole fragment: it can turn about what it hangs on. That is springs and the nodes of others, where
+// nothing holds it firmly, or fewer than three nodes.
 bool hangs(const TissueModel& model, const TissueState& state, std::span<const int> fragment) {
   std::vector<int> corners;
   for (const int t : fragment)
     corners.insert(corners.end(), model.mesh.tets[t].begin(), model.mesh.tets[t].end());
   std::sort(corners.begin(), corners.end());
-  int held = 0, hung = 0;
+  int firm = 0, hung = 0;
   for (auto n = corners.begin(); n != corners.end();) {
     const auto next = std::upper_bound(n, corners.end(), *n);
-    held += model.holds(*n);
+    firm += model.fixed[*n] || (model.condensed && model.condensed->place_of(*n) >= 0);
     hung += model.holds(*n) || next - n < state.live_tets_of_node[*n];
     n = next;
   }
-  return hung > 0 && (held == 0 || hung < 3);
+  return hung > 0 && (firm == 0 || hung < 3);
 }
 
 }  // namespace
@@ -131,18 +131,22 @@ std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState
 }
 
 std::vector<int> hinged_fragments(const TissueModel& model, const TissueState& state,
-                                  std::span<const int> gone, int most) {
+                                  std::span<const int> changed, int most) {
   std::vector<int> hinged;
-  for (const int t : gone)
-    for (int id = 4 * t; id < 4 * t + 4; ++id) {
-      const int neighbour = model.across[id] / 4;
-      if (model.across[id] < 0 || !state.alive[neighbour] ||
-          std::find(hinged.begin(), hinged.end(), neighbour) != hinged.end())
-        continue;
-      const std::vector<int> fragment = joined_to(model, state, neighbour, most);
-      if (static_cast<int>(fragment.size()) <= most && hangs(model, state, fragment))
-        hinged.insert(hinged.end(), fragment.begin(), fragment.end());
+  const auto look_at = [&](int t) {
+    if (!state.alive[t] || std::find(hinged.begin(), hinged.end(), t) != hinged.end()) return;
+    const std::vector<int> fragment = joined_to(model, state, t, most);
+    if (static_cast<int>(fragment.size()) <= most && hangs(model, state, fragment))
+      hinged.insert(hinged.end(), fragment.begin(), fragment.end());
+  };
+  for (const int t : changed) {
+    if (state.alive[t]) {
+      look_at(t);
+      continue;
     }
+    for (int id = 4 * t; id < 4 * t + 4; ++id)
+      if (model.across[id] >= 0) look_at(model.across[id] / 4);
+  }
   return hinged;
 }
 

@@ -35,12 +35,12 @@ Pieces find_pieces(const TissueModel& model, const TissueState& state);
 // The fragments themselves, indexed by their labels.
 std::vector<Fragment> find_fragments(const TissueModel& model, const TissueState& state);
 
-// Tetrahedra of the fragments of at most `most` that share a face with a removed one of `gone` and can turn
-// about what they hang on: an edge or a node of others, or fewer than three nodes, others' or held. Nothing
-// but inertia resists that, and a step with rotations held takes what turns far out of its shape: left alone
-// such a crumb spins faster and faster, and suction throws it (README). Cost: `most` tetrahedra for each of
-// gone.
+// Tetrahedra of the fragments of at most `most` that hold one of `changed`, or share a face with a removed
+// one of them, and can turn about what they hang on: springs, and an edge or nodes of others; or fewer than
+// three nodes, some of them fixed. Next to nothing resists that, and a step with rotations held takes what
+// turns far out of its shape: left alone such a crumb spins faster and faster, and suction throws it
+// (README). Cost: `most` tetrahedra for each of changed.
 std::vector<int> hinged_fragments(const TissueModel& model, const TissueState& state,
-                                  std::span<const int> gone, int most);
+                                  std::span<const int> changed, int most);
 
 }  // namespace hapticd

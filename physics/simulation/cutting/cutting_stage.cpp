@@ -155,6 +155,21 @@ void CuttingStage::cut_strips(Bodies& bodies, const Blade& blade, int i) {
 
 void CuttingStage::note(CutStatus status) { out_of_room_ = out_of_room_ || status == CutStatus::no_room; }
 
+std::vector<int> CuttingStage::around_parted(const Bodies& bodies, int b) {
+  std::vector<int> tets;
+  CutBody& cut = *cuts_[b];
+  const auto add = [&](int node) {
+    cut.work.stars.live(bodies[b].state, node, cut.work.star);
+    tets.insert(tets.end(), cut.work.star.begin(), cut.work.star.end());
+  };
+  for (std::size_t k = 0; k < cut.change.nodes.size(); ++k)
+    if (const int of = cut.change.node_of[k]; of >= 0) {
+      add(cut.change.nodes[k]);
+      add(of);
+    }
+  return tets;
+}
+
 void CuttingStage::tell_compliances(Bodies& bodies) {
   if (!cuts_anything_) return;
   for (std::size_t b = 0; b < bodies.size(); ++b) {

@@ -30,6 +30,8 @@ class CuttingStage {
   // Bodies that were cut. Their compliances are told by `tell_compliances`.
   std::vector<int> realise(Bodies& bodies, Instruments instruments);
   void tell_compliances(Bodies& bodies);
+  // Live tetrahedra of a body around the nodes that came apart since its compliance was told last.
+  std::vector<int> around_parted(const Bodies& bodies, int b);
 
   // After a removal, of these bodies.
   void follow(const Bodies& bodies, std::span<const int> which);

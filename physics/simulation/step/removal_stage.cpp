@@ -24,6 +24,12 @@ void count(int body, int gone, Removed& out) {
 
 }  // namespace
 
+void RemovalStage::schedule_hinged(const Bodies& bodies, int body, std::span<const int> changed) {
+  if (!bodies[body].removable) return;
+  std::vector<int> tets = hinged_fragments(bodies[body].model, bodies[body].state, changed, crumb_tets);
+  if (!tets.empty()) schedule(body, std::move(tets));
+}
+
 void RemovalStage::schedule_thinning(int body, std::span<const int> tets, double time, double begun) {
   for (const int t : tets) fading_.push_back({body, t, 1 - begun / time, 1 / time});
 }

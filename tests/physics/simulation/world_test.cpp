@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
+#include "physics/tissue/fragments.h"
 #include "tests/support/mesh_shapes.h"
 
 namespace hapticd {
@@ -140,6 +143,47 @@ TEST(World, WhatTheTipLeavesHangingGoesAtOnce) {
 
 // What goes is where the tip will be in 2 ms, by its speed: after the same way in fifteen times the time it
 // is where it is after a fifteenth of it in a step.
+// Under a cell that is held, a tetrahedron by a face, and by its lowest node alone a weight, which pulls that
+// face open. The tetrahedron then hangs by a node, and is gone a step later; the weight falls.
+TEST(World, WhatACrackLeavesHangingGoesAStepLater) {
+  BodySettings b{"cell", true, box_mesh(Vec3(0.01, 0.01, 0.01), 1, 1, 1), {2e4, 0.3, 1000, 1, 1e-3}, {},
+                 0,      true};
+  TetMesh& mesh = b.mesh;
+  int cleft = -1;  // a face at x = 1 cm
+  for (int id = 0; id < 4 * static_cast<int>(mesh.tets.size()); ++id) {
+    const Triangle n = outward_face(mesh.tets[id / 4], id % 4);
+    if (std::all_of(n.begin(), n.end(), [&](int k) { return mesh.nodes[k].x() > 0.0099; })) cleft = id;
+  }
+  ASSERT_GE(cleft, 0);
+  for (int n = 0; n < 8; ++n)
+    if (mesh.nodes[n].x() < 1e-9) b.fixed_nodes.push_back(n);
+  const Triangle face = outward_face(mesh.tets[cleft / 4], cleft % 4);
+  for (const Vec3& x : {Vec3(0.02, 0.005, 0.005), Vec3(0.03, 0, 0), Vec3(0.03, 0.03, 0), Vec3(0.03, 0, 0.03)})
+    mesh.nodes.push_back(x);
+  const int hanging = static_cast<int>(mesh.tets.size());
+  mesh.tets.push_back({face[0], face[1], face[2], 8});
+  mesh.tets.push_back({8, 9, 10, 11});
+  b.room = {20, 0};
+  b.toughness = 1e-6;
+  b.tearing = {.toughness = 1e-6, .begins = true};
+  b.tearing.clefts.assign(4 * mesh.tets.size(), 0);
+  b.tearing.clefts[cleft] = b.tearing.clefts[4 * hanging + 3] = 1;
+  WorldSettings s = settings(0.02);
+  s.gravity = Vec3(9.81, 0, 0);
+  World world({b}, sphere_tip(3e-3), s);
+  auto problem = std::make_unique<CondensedProblem>();
+  const auto step = [&] { return world.step([] { return InstrumentSample{}; }, *problem); };
+  const TissueState& state = world.bodies()[0].state;
+  int steps = 0;
+  while (!step().split) ASSERT_LT(++steps, 50);
+  EXPECT_EQ(state.removed, 0);
+  EXPECT_EQ(step().removed, 1);
+  EXPECT_FALSE(state.alive[hanging]);
+  EXPECT_EQ(find_pieces(world.bodies()[0].model, state).count(), 2);
+  for (int k = 0; k < 5; ++k) EXPECT_EQ(step().removed, 0);
+  EXPECT_GT(state.v[9].x(), 0.5);
+}
+
 TEST(World, ATipSeenSeldomIsNotTakenForAFastOne) {
   // Comes down to 0.1 mm above the block; within the stroke's reach.
   const auto alive = [](double from, double time) {

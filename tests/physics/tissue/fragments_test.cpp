@@ -92,6 +92,23 @@ TEST(Fragments, WhatHangsByAnEdgeIsACrumb) {
   EXPECT_TRUE(hinged({2}, {0, 1}, 8).empty());     // free: it hangs on nothing
 }
 
+// As there, but springs at three nodes of the last hold it no better; nor do they alone. A fragment that is
+// looked at itself is told as one beside a removed tetrahedron is.
+TEST(Fragments, SpringsHoldNoCrumb) {
+  TetMesh mesh;
+  mesh.nodes = {{0, 0, 0}, {0, 0, 1}, {1, 0, 0}, {0, 1, 0}, {-1, 0, 0}, {0, -1, 0}};
+  mesh.tets = {{0, 2, 3, 1}, {0, 3, 4, 1}, {0, 4, 5, 1}};
+  TissueModel model = make_tissue_model(mesh, soft, std::vector<int>{2}, Vec3::Zero());
+  model.springs.resize(6);
+  for (const int n : {0, 4, 5}) model.springs[n] = {1, mesh.nodes[n]};
+  for (const std::vector<int>& gone : {std::vector<int>{1}, std::vector<int>{0, 1}}) {
+    TissueState state = rest_state(model);
+    remove_tets(model, state, gone);
+    EXPECT_EQ(hinged_fragments(model, state, gone, 8), std::vector<int>{2});
+    EXPECT_EQ(hinged_fragments(model, state, std::vector<int>{2}, 8), std::vector<int>{2});
+  }
+}
+
 TEST(Fragments, NothingLeftIsNoFragment) {
   const TissueModel model = column();
   TissueState state = rest_state(model);
