@@ -177,7 +177,7 @@ def read_vtk(path):
         elif word == "POLYGONS":
             n = int(next(words))
             next(words)
-            triangles = np.array([int(next(words)) for _ in range(4 * n)]).reshape(n, 4)[:, 1:]
+            triangles = np.array([int(next(words)) for _ in range(4 * n)], int).reshape(n, 4)[:, 1:]
         elif word == "LOOKUP_TABLE":
             next(words)
             cut = np.array([int(next(words)) for _ in range(len(triangles))], bool)

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 """Writes phaco.csv and chopper.csv: both hands of the scene phaco, on one time axis.
 
-  sculpt   a groove along y, then one along x, each deeper pass by pass; the near walls are bevelled for the shaft
-  crack    tip and chopper push the walls of a groove apart, at three places of the first and two of the second
+  sculpt   a groove along y, half as wide again as the tip, as is taught, then one along x, each deeper pass by pass;
+           walls are bevelled for what leans over them: the left one for the chopper, near ones for the shaft
+  crack    tip and chopper push the walls of a groove apart, at four places of each
   remove   row by row from front to back, until little is left; the chopper waits outside
 
 How hands move: ../hands.py. Places in mm, in the scene's frame.
@@ -21,7 +22,7 @@ BOTH = PHACO | ASPIRATION
 TIP, STROKE = 0.5, 0.1  # mm
 FRONT_POLE, FRONT_RADIUS = 1.225, 7.0  # ../cataract/profile.geo, shrunk to 0.7
 BACK_POLE, BACK_RADIUS = -1.715, 4.2
-FLOOR = 0.3  # of the nucleus, left to crack [mm]
+FLOOR = 0.55  # of the nucleus, left to crack [mm]
 
 
 def front(x, y):
@@ -75,9 +76,12 @@ def line(a, b, n=6):
 
 
 def sculpt(plan):
-    for depth in (0.5, 0.9, 1.3, 1.7, 2.1, 2.5):
+    for depth in (0.7, 1.3, 1.9, 2.5):
         half = 2.8 - 0.2 * depth
-        pass_through(plan, line((0, -half), (0, half)), depth, FLOOR, 3.2)
+        for x in (-0.25, 0.25):
+            pass_through(plan, line((x, -half), (x, half)), depth, FLOOR, 3.2)
+        if depth == 0.7:
+            pass_through(plan, line((-0.9, -half), (-0.9, half)), depth, FLOOR, 3.2)
 
 
 def sculpt_across(plan):
@@ -90,7 +94,7 @@ def sculpt_across(plan):
                     pass_through(plan, line((side * half, y), (0, y), 4), depth - back_off, FLOOR, 3.6)
 
 
-def push_apart(plan, other, a, b, way, by, speed=1.6):
+def push_apart(plan, other, a, b, way, by, speed=2.0):
     """From places a and b, the one along `way` and the other against it, and back."""
     plan.go((a[0], a[1] - 0.5, a[2] + 1.8))
     other.go((b[0] - 0.6, b[1], b[2] + 1.8))
@@ -100,8 +104,8 @@ def push_apart(plan, other, a, b, way, by, speed=1.6):
     plan.go(tuple(p + by * w for p, w in zip(a, way)), speed)
     other.go(tuple(p - by * w for p, w in zip(b, way)), speed)
     wait(plan, other)
-    plan.stay(plan.time + 0.4)
-    other.stay(other.time + 0.4)
+    plan.stay(plan.time + 0.25)
+    other.stay(other.time + 0.25)
     plan.go(a, 3.0)
     other.go(b, 3.0)
     plan.go((a[0], a[1] - 0.5, a[2] + 1.8), 8.0)
@@ -111,7 +115,7 @@ def push_apart(plan, other, a, b, way, by, speed=1.6):
 def crack(plan, other):
     for y in (1.1, 0.45, -0.3, -1.2):
         floor = back(0, y) + FLOOR
-        push_apart(plan, other, (0.45, y, floor + TIP + STROKE), (-0.45, y + 0.1, floor + 0.35), (1, 0, 0), 1.1)
+        push_apart(plan, other, (0.4, y, floor + TIP + STROKE + 0.2), (-0.5, y + 0.1, floor + 0.8), (1, 0, 0), 1.2)
 
 
 def crack_across(plan, other):
