@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """Writes phaco.csv and chopper.csv: both hands of the scene phaco, on one time axis.
 
-  sculpt   a groove along y, half as wide again as the tip, as is taught, then one along x, each deeper pass by pass;
-           walls are bevelled for what leans over them: the left one for the chopper, near ones for the shaft
+  sculpt   a groove along y, half as wide again as the tip but at its bottom, then one along x, each deeper pass by
+           pass; walls are bevelled for what leans over them: the left one for the chopper, near ones for the shaft
   crack    tip and chopper push the walls of a groove apart, at four places of each
   remove   row by row from front to back, until little is left; the chopper waits outside
 
@@ -22,7 +22,7 @@ BOTH = PHACO | ASPIRATION
 TIP, STROKE = 0.5, 0.1  # mm
 FRONT_POLE, FRONT_RADIUS = 1.225, 7.0  # ../cataract/profile.geo, shrunk to 0.7
 BACK_POLE, BACK_RADIUS = -1.715, 4.2
-FLOOR = 0.55  # of the nucleus, left to crack [mm]
+FLOOR = 0.3  # of the nucleus, left to crack [mm]
 
 
 def front(x, y):
@@ -76,12 +76,10 @@ def line(a, b, n=6):
 
 
 def sculpt(plan):
-    for depth in (0.7, 1.3, 1.9, 2.5):
+    for depth, places in ((0.7, (-0.25, 0.25, -0.9)), (1.3, (-0.25, 0.25)), (1.9, (-0.25, 0.25)), (2.5, (0.0,))):
         half = 2.8 - 0.2 * depth
-        for x in (-0.25, 0.25):
+        for x in places:
             pass_through(plan, line((x, -half), (x, half)), depth, FLOOR, 3.2)
-        if depth == 0.7:
-            pass_through(plan, line((-0.9, -half), (-0.9, half)), depth, FLOOR, 3.2)
 
 
 def sculpt_across(plan):
@@ -115,13 +113,13 @@ def push_apart(plan, other, a, b, way, by, speed=2.0):
 def crack(plan, other):
     for y in (1.1, 0.45, -0.3, -1.2):
         floor = back(0, y) + FLOOR
-        push_apart(plan, other, (0.4, y, floor + TIP + STROKE + 0.2), (-0.5, y + 0.1, floor + 0.8), (1, 0, 0), 1.2)
+        push_apart(plan, other, (0.4, y, floor + TIP + STROKE + 0.3), (-0.5, y + 0.1, floor + 0.7), (1, 0, 0), 1.3)
 
 
 def crack_across(plan, other):
     for x in (1.7, 0.9, -0.9, -1.7):
         floor = back(x, 0) + FLOOR
-        push_apart(plan, other, (x, -0.45, floor + TIP + STROKE), (x, 0.45, floor + 0.35), (0, -1, 0), 1.3)
+        push_apart(plan, other, (x, -0.45, floor + TIP + STROKE), (x, 0.45, floor + 0.35), (0, -1, 0), 1.5)
 
 
 def remove(plan):

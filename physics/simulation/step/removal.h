@@ -7,8 +7,8 @@
 // holds no fixed node is sucked out whole when it is near and passes, while aspiration is on: with a lumen,
 // any of its nodes is within `aspiration_reach` of the port's opening and the piece fits the lumen (lumen.h);
 // without, any is so near to the tip's surface and there are at most `aspiration_max_tets`. What the tip
-// leaves of a few tetrahedra hanging by an edge, a node or springs goes with what held it (fragments.h), at no
-// cost to the rate; what a crack leaves so, a step later.
+// leaves of a few tetrahedra hanging by an edge, a node or springs goes with what held it (fragments.h), at
+// no cost to the rate; what a crack leaves so, a step later.
 // By degrees: all tetrahedra that the grown tip meets share the rate's volume equally, losing stiffness and
 // mass, and each goes at a tenth of its own, or when it is crushed.
 // Units: m, 1/s. Source: the paper §3 ("consecutively removing tetrahedra intersected by the tip");
