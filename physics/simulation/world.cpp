@@ -239,7 +239,7 @@ void World::thin(const InstrumentSamples& samples) {
   }
 }
 
-// Fronts that advanced since the last step are cut into the mesh.
+// Fronts that advanced since the last step are cut into the mesh. Crumbs that then hang go in the next step.
 bool World::cut(StepReport& report) {
   const Within collision(context_.times(), StepPart::collision);
   const std::vector<int> split = cutting_.realise(bodies_, instruments_);

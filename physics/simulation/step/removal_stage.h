@@ -33,7 +33,7 @@ class RemovalStage {
 
   // The next `remove` takes these too, whatever the tip does.
   void schedule(int body, std::vector<int> tets) { scheduled_.push_back({body, std::move(tets)}); }
-  // … and what hangs by an edge or a node alone, where these changed.
+  // … and the crumbs that hang (fragments.h) where these changed.
   void schedule_hinged(const Bodies& bodies, int body, std::span<const int> changed);
   // These become less, evenly, so fast that after `time` nothing would be left of any, but not less than
   // `spent_left`, and never more than there is; begun: so long before the next step.

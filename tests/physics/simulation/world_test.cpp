@@ -141,8 +141,6 @@ TEST(World, WhatTheTipLeavesHangingGoesAtOnce) {
   EXPECT_EQ(alive_after({2, 5}), (std::vector<std::uint8_t>{1, 0, 1}));
 }
 
-// What goes is where the tip will be in 2 ms, by its speed: after the same way in fifteen times the time it
-// is where it is after a fifteenth of it in a step.
 // Under a cell that is held, a tetrahedron by a face, and by its lowest node alone a weight, which pulls that
 // face open. The tetrahedron then hangs by a node, and is gone a step later; the weight falls.
 TEST(World, WhatACrackLeavesHangingGoesAStepLater) {
@@ -184,6 +182,8 @@ TEST(World, WhatACrackLeavesHangingGoesAStepLater) {
   EXPECT_GT(state.v[9].x(), 0.5);
 }
 
+// What goes is where the tip will be in 2 ms, by its speed: after the same way in fifteen times the time it
+// is where it is after a fifteenth of it in a step.
 TEST(World, ATipSeenSeldomIsNotTakenForAFastOne) {
   // Comes down to 0.1 mm above the block; within the stroke's reach.
   const auto alive = [](double from, double time) {
