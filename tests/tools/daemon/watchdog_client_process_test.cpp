@@ -45,10 +45,14 @@ TEST_P(Watchdog, ALyingStateIsRefusedAndThreeInARowLatch) {
         patience_ms, [](const Force& f) { return has(f, status_latched); }, again))
         << what;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    // Down within the slew limit, which is less where one arrival follows another at once, and then nothing.
+    double before = std::numeric_limits<double>::infinity();
     for (const Force& f : client_->forces(again))
       if (has(f, status_latched)) {
-        EXPECT_EQ(magnitude(f), 0) << what;
+        EXPECT_LE(magnitude(f), has(f, status_ramping_down) ? before : 0) << what;
+        before = magnitude(f);
       }
+    EXPECT_EQ(before, 0) << what;
     expect_bounded(client_->forces(from), touch_step, 3.3);
     rearm();
   }
