@@ -75,6 +75,7 @@ void BodyContactStage::surface_changed(Bodies& bodies, int b) {
 
 void BodyContactStage::find(Bodies& bodies) {
   if (contacts_.empty()) return;
+  known_.assign(bodies.size(), {});
   contacts_.find(bodies);
   for (const ContactPair& p : contacts_.pairs()) {
     Body &a = bodies[p.points], &b = bodies[p.faces];
@@ -210,7 +211,6 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
   x_end_.assign(c.bodies.size(), {});
-  known_.assign(c.bodies.size(), {});
   known_end_ = false;
   tool_.reset();
   int missing = 0;

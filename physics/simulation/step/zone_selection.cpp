@@ -163,15 +163,15 @@ Zone select_zone(const Body& body, const ZoneRequest& r) {
     inside[n] = 1;
     if (is_needed) zone.needed.push_back(n);
   };
-  if (r.X.any()) {
-    const std::vector<ZoneNode> near = nodes_at_instruments(body, r);
-    for (std::size_t k = 0; k < near.size(); ++k)
-      if (k < max_zone_nodes)
-        add(near[k].node, near[k].needed);
-      else
-        zone.halo.push_back(near[k].node);
-  }
+  // In the order in which C will be asked for: of the corner's last nodes it is cheapest, and the corner ends
+  // with the zone's first.
+  const std::vector<ZoneNode> near = r.X.any() ? nodes_at_instruments(body, r) : std::vector<ZoneNode>();
+  const std::size_t inner = std::min(near.size(), max_zone_nodes);
+  for (std::size_t k = 0; k < inner; ++k)
+    if (near[k].needed) add(near[k].node, true);
   for (const int n : r.contact_nodes) add(n, true);
+  for (std::size_t k = 0; k < inner; ++k) add(near[k].node, false);
+  for (std::size_t k = inner; k < near.size(); ++k) zone.halo.push_back(near[k].node);
   return zone;
 }
 
