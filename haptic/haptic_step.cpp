@@ -162,19 +162,19 @@ double pumped_work(const Port& port, const DeviceState& d, const DeviceSettings&
   return device.force_scale * d.vacuum * std::numbers::pi * port.radius * port.radius * way.norm();
 }
 
-// What a device's wrench goes through on its way to the hand. swapped: the problem; changed: its topology, or
-// who is in contact.
-ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool swapped, bool changed,
+// What a device's wrench goes through on its way to the hand. thinned: the problem is another, of less
+// tissue; changed: some went at once, or who is in contact.
+ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool thinned, bool changed,
                      const DeviceSettings& device, const HapticOptions& options, double period,
                      DeviceState& d) noexcept {
   // filter
   if (verdict.render != Render::hold) {
     const bool change = changed || (d.render != Render::zero && d.render != verdict.render);
     const double time = change                                  ? options.blend_time
-                        : swapped && d.render == verdict.render ? options.swap_time
+                        : thinned && d.render == verdict.render ? options.thinning_time
                                                                 : 0;
     if (time > 0) start_blend(d.blend, d.rendered, time);
-    if (d.blend.left > 0 && d.blend.time > options.swap_time) answer.status |= status_blending;
+    if (d.blend.left > 0 && d.blend.time > options.thinning_time) answer.status |= status_blending;
     wrench = blended(d.blend, wrench, period);
   }
   d.render = verdict.render;
@@ -241,7 +241,9 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
 
   // compute
   bool finite = true, changed = false;
-  const bool swapped = problem && problem->step != s.step, removal = swapped && problem->topology_changed;
+  const bool swapped = problem && problem->step != s.step, thinned = swapped && problem->thinned;
+  // What went where tissue becomes less had become a tenth of itself before.
+  const bool removal = swapped && problem->topology_changed && !thinned;
   if (contact) {
     finite = solve_tick(*problem, instruments, X, options, input, period, s);
     if (finite && s.solution.status != SolveStatus::solved) ++s.caps;
@@ -283,7 +285,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
       answer[i] = not_finite(answer[i], d);
       continue;
     }
-    answer[i] = rendered(wrench, answer[i], verdict[i], swapped && render == Render::contact,
+    answer[i] = rendered(wrench, answer[i], verdict[i], thinned && render == Render::contact,
                          render == Render::contact && (removal || changed), device, options, period, d);
     renders = renders || d.render != Render::zero;
   }

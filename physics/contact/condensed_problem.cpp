@@ -18,6 +18,7 @@ void copy_all_but_compliance(const CondensedProblem& from, CondensedProblem& to)
   to.instrument_friction = from.instrument_friction;
   to.renewal = from.renewal;
   to.topology_changed = from.topology_changed;
+  to.thinned = from.thinned;
   to.known_sound = false;
   to.alarm_distance = from.alarm_distance;
   to.nodes = from.nodes;

@@ -74,6 +74,7 @@ struct CondensedProblem {
   EachInstrument<InstrumentReference> instrument;
   Renewal renewal = Renewal::renewed;
   bool topology_changed = false;   // elements were removed since the previous problem
+  bool thinned = false;            // … or some became less (removal by degrees)
   bool known_sound = false;        // its publisher looked (haptic/contact/problem_check.h)
   double alarm_distance = 0;       // rows exist for gaps below this [m]
   double instrument_friction = 0;  // Coulomb μ between two instruments

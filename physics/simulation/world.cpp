@@ -16,6 +16,10 @@ bool is_near(std::span<const NearFace> near, int body) {
   return std::any_of(near.begin(), near.end(), [&](const NearFace& f) { return f.body == body; });
 }
 
+bool any_thinned(const Bodies& bodies) {
+  return std::any_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.thinned; });
+}
+
 // Whether nearly every step removes something. Where it is one in some, an interim problem is felt sooner and
 // as a smaller step: of one that takes half of the force, 7.8 in place of 8.3 % of it in a millisecond.
 bool removes_often(const WorldSettings& s) {
@@ -117,6 +121,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
 
   remove_suction(problem);  // the haptic loop has its own, in each of its ticks
   thin(samples);
+  problem.thinned = problem.thinned || any_thinned(bodies_);
   flow(samples, report);
 
   // What will be cut next is not foreseen, and a cut starts the step afresh.
@@ -302,6 +307,7 @@ void World::gather(const InstrumentSamples& samples, bool topology_changed, Cond
   const InstrumentPoses X = poses_of(samples);
   cutting_.find(bodies_, instruments_, X, settings_.alarm_distance);
   contact_.gather(context_, X, near_, cutting_.nodes(), topology_changed, problem);
+  problem.thinned = any_thinned(bodies_);  // between this step and the one before
   cutting_.publish(bodies_, instruments_, contact_.patch(), problem);
 }
 

@@ -228,6 +228,7 @@ hapticd_msg_EdgeProblem& PackedProblem::pack(const CondensedProblem& p, int inst
   m.published_ns = p.published_ns;
   m.frozen = p.renewal == Renewal::frozen;
   m.topology_changed = p.topology_changed;
+  m.thinned = p.thinned;
   m.nodes = static_cast<std::uint16_t>(p.nodes);
   m.dropped_samples = static_cast<std::uint32_t>(p.dropped_samples);
   m.alarm_distance = p.alarm_distance;
@@ -274,6 +275,7 @@ ProblemFault read_problem(const hapticd_msg_EdgeProblem& m, int instruments, Con
   p.published_ns = m.published_ns;
   p.renewal = m.frozen ? Renewal::frozen : Renewal::renewed;
   p.topology_changed = m.topology_changed;
+  p.thinned = m.thinned;
   p.nodes = m.nodes;
   p.dropped_samples = static_cast<int>(std::min<std::uint32_t>(m.dropped_samples, 1u << 30));
   p.alarm_distance = m.alarm_distance;

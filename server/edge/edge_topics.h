@@ -11,7 +11,7 @@
 
 namespace hapticd {
 
-inline constexpr std::uint16_t edge_version = 2;  // of the types in idl/edge.idl
+inline constexpr std::uint16_t edge_version = 3;  // of the types in idl/edge.idl
 
 Qos edge_problem_qos(int depth);
 

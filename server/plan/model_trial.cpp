@@ -58,7 +58,7 @@ std::vector<DeviceSettings> wide_devices_of(const Scene& scene) {
 
 HapticOptions options_of(const Scene& scene) {
   HapticOptions options = haptic_options(scene);
-  options.blend_time = options.swap_time = 0;
+  options.blend_time = options.thinning_time = 0;
   constexpr std::int64_t never = std::int64_t{1} << 60;
   options.watchdog.problem_old_ns = options.watchdog.problem_lost_ns = never;
   options.watchdog.ramp_up_ns = 1;

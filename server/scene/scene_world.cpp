@@ -19,9 +19,9 @@ constexpr int haptic_max_sweeps = 50;
 constexpr double haptic_turned = 2e-3;  // [rad]
 // Crumbs are flung about faster than two linearisations follow.
 constexpr double haptic_too_deep = 0.025;  // alarm distances
-// Where tissue goes by degrees, a new problem knows a tick late which samples touch: a step of a tenth of the
-// peak. Elsewhere it would cost a wall half of its stiffness.
-constexpr double haptic_swap_time = 2e-3;  // [s]
+// Where tissue becomes less, a new problem knows a tick late which samples touch: a step of a tenth of the
+// peak. After each problem it would cost a wall half of its stiffness.
+constexpr double haptic_thinning_time = 2e-3;  // [s]
 
 bool deforms(const SceneBody& b) { return b.kind == BodyKind::deformable && b.simulated; }
 
@@ -88,8 +88,7 @@ HapticOptions haptic_options(const Scene& scene) {
   options.contact.linearisations = 2;
   options.contact.turned = haptic_turned;
   options.contact.too_deep = haptic_too_deep * scene.alarm_distance;
-  for (const SceneInstrument& i : scene.instruments)
-    if (i.removal.gradual) options.swap_time = haptic_swap_time;
+  options.thinning_time = haptic_thinning_time;
   // Rows frozen for a step must reach as far as the instrument moves in it: the alarm distance.
   options.contact.margin = scene.contact == Renewal::frozen ? 0 : haptic_margin * scene.alarm_distance;
   options.contact.coulomb.max_sweeps = haptic_max_sweeps;

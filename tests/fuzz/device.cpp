@@ -117,6 +117,7 @@ bool republish(Tape& tape, std::int64_t now_ns, CondensedProblem& p) {
   ++p.step;
   p.published_ns = now_ns - ms * (what >> 4);
   p.topology_changed = what & 1;
+  p.thinned = what & 32;
   for (int n = 0; n < p.nodes; ++n)
     p.x_free[n].z() = what & 2 ? std::numeric_limits<double>::quiet_NaN() : what & 4 ? 5e-4 : 0;
   return what & 8;

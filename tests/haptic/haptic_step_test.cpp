@@ -158,6 +158,7 @@ TEST_F(HapticStep, OldProblemIsDampingOnly) {
 }
 
 TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
+  options.thinning_time = 2e-3;
   const double before = settle().force.z();
   const double sunk = 0.05e-3, after = before - 5 * wall::stiffness * sunk;
   wall::make(*problem, 2, now, -sunk);
@@ -174,16 +175,23 @@ TEST_F(HapticStep, RemovalIsBlendedOverFiveTicksAndAnOrdinarySwapIsDirect) {
   EXPECT_EQ(f.status, 0u);
 }
 
-// What a new problem makes of the same pose goes over within swap_time; nothing is said of it.
-TEST_F(HapticStep, AnOrdinarySwapIsSmoothed) {
-  options.swap_time = 2e-3;
-  const double before = settle().force.z();
-  const double sunk = 0.05e-3, after = before - 5 * wall::stiffness * sunk;
-  wall::make(*problem, 2, now, -sunk);
-  for (int i = 0; i < 3; ++i) {
-    const ForceSample f = tick();
-    EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - (i + 1) / 3.0), wall::tolerance * before);
-    EXPECT_EQ(f.status, 0u);
+// What a problem of less tissue makes of the same pose goes over within thinning_time, whether some of it went
+// at last or not; nothing is said of it.
+TEST_F(HapticStep, WhereTissueBecameLessASwapIsSmoothed) {
+  options.thinning_time = 2e-3;
+  double before = settle().force.z();
+  const double sunk = 0.02e-3;
+  for (const bool went : {false, true}) {
+    const double after = before - 5 * wall::stiffness * sunk;
+    wall::make(*problem, 2 + went, now, -sunk * (1 + went));
+    problem->thinned = true;
+    problem->topology_changed = went;
+    for (int i = 0; i < 3; ++i) {
+      const ForceSample f = tick();
+      EXPECT_NEAR(f.force.z(), after + (before - after) * (1 - (i + 1) / 3.0), wall::tolerance * before);
+      EXPECT_EQ(f.status, 0u);
+    }
+    before = after;
   }
 }
 

@@ -31,7 +31,7 @@ inline void make(CondensedProblem& problem, std::uint64_t step, std::int64_t now
   problem.published_ns = now_ns;
   problem.instrument[0].X_ref = {Vec3(0, 0, radius + height), Quat::Identity()};
   problem.renewal = Renewal::renewed;
-  problem.topology_changed = false;
+  problem.topology_changed = problem.thinned = false;
   problem.alarm_distance = 1e-3;
   problem.instrument[0].coupling = {.stiffness = stiffness, .rotational_stiffness = 1};
   problem.nodes = 0;

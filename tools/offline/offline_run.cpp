@@ -70,7 +70,7 @@ HapticOptions options_of(const Scene& scene, const OfflineOptions& o) {
     options.usable_residual = 1;  // an answer for as much work as was asked for, whatever it is worth
   }
   options.blend_time = o.blend_time;
-  options.swap_time = std::min(options.swap_time, o.blend_time);
+  options.thinning_time = std::min(options.thinning_time, o.blend_time);
   options.passivity_control = o.passivity_control;
   if (o.limits) return options;
   constexpr std::int64_t never = std::int64_t{1} << 60;

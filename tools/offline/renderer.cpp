@@ -26,7 +26,7 @@ HapticOptions haptic_of(const Scene& scene, const DaemonRendererOptions& options
   HapticOptions haptic = haptic_options(scene);
   haptic.passivity_control = options.passivity_control;
   haptic.blend_time = options.blend_time.value_or(haptic.blend_time);
-  haptic.swap_time = std::min(haptic.swap_time, haptic.blend_time);
+  haptic.thinning_time = std::min(haptic.thinning_time, haptic.blend_time);
   if (options.problem_old > 0) let_problems_grow_old(haptic.watchdog, options.problem_old);
   if (options.sweeps_only > 0) {
     haptic.contact.coulomb.max_newton = 0;

@@ -21,7 +21,7 @@ std::unique_ptr<CondensedProblem> whole_problem() {
   auto p = sheet_problem(random, {.nodes = 7, .per_triangle = 4, .friction = 0.3});
   p->step = 17;
   p->published_ns = 123'456'789;
-  p->topology_changed = true;
+  p->topology_changed = p->thinned = true;
   p->dropped_samples = 5;
   p->alarm_distance = 0.8e-3;
   for (int k = 0; k < 9; ++k) {
@@ -58,6 +58,7 @@ TEST(EdgeProblem, ArrivesAsItWasToSinglePrecision) {
   EXPECT_EQ(got->published_ns, sent->published_ns);
   EXPECT_EQ(got->renewal, sent->renewal);
   EXPECT_EQ(got->topology_changed, sent->topology_changed);
+  EXPECT_EQ(got->thinned, sent->thinned);
   EXPECT_EQ(got->dropped_samples, sent->dropped_samples);
   EXPECT_EQ(got->alarm_distance, sent->alarm_distance);
   ASSERT_EQ(got->nodes, sent->nodes);

@@ -177,6 +177,29 @@ TEST_F(PressedWorld, ByDegreesTheForceFallsByDegrees) {
   EXPECT_LT(last, 0.75 * (before - step(*at_once).contact.wrench[0].z()));
 }
 
+// Whoever blends a problem is told that there is less tissue in it, be it a refreshed one.
+TEST_F(PressedWorld, TellsThatTissueBecameLess) {
+  const auto w = world(true, nullptr, {.rate = 100, .stroke = 1e-3, .gradual = true});
+  for (int i = 0; i < 40; ++i) step(*w);
+  EXPECT_FALSE(first->thinned);
+  InstrumentSample carving = sample();
+  carving.phaco = true;
+  w->step([&] { return carving; }, *first);
+  EXPECT_TRUE(first->thinned);
+  EXPECT_FALSE(first->topology_changed);
+  w->schedule_removal(0, under_tip(*w));
+  w->step([&] { return carving; }, *first);
+  EXPECT_TRUE(first->thinned);
+  EXPECT_TRUE(first->topology_changed);
+  carving.pose.p += Vec3(0.5e-3, 0, -0.5e-3);
+  const auto refreshed = std::make_unique<CondensedProblem>();
+  ASSERT_TRUE(w->refresh(carving, *refreshed));
+  EXPECT_TRUE(refreshed->thinned);
+  step(*w);
+  step(*w);
+  EXPECT_FALSE(first->thinned) << "nothing becomes less now";
+}
+
 // What the tip takes goes with the problem that the step before ends with: that is the system without it, and
 // nobody waits for an interim problem. Not so one element a step or fewer, nor a linear body's, which is
 // linearised once: they go when their step begins.
