@@ -24,7 +24,7 @@ bool any_thinned(const Bodies& bodies) {
 // as a smaller step: of one that takes half of the force, 7.8 in place of 8.3 % of it in a millisecond.
 bool removes_often(const WorldSettings& s) {
   return std::any_of(s.removal.value.begin(), s.removal.value.end(),
-                     [&](const RemovalSettings& r) { return r.gradual || r.rate * s.h > 1 + 1e-9; });
+                     [&](const RemovalSettings& r) { return r.rate * s.h > (r.gradual ? 0 : 1 + 1e-9); });
 }
 
 }  // namespace

