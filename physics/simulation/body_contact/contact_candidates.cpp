@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <tuple>
 
 #include "physics/tissue/fragments.h"
@@ -248,13 +249,14 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   if (asked.empty()) return;
   const Box overlap(points.min() - Vec3::Constant(reach), points.max() + Vec3::Constant(reach));
 
-  std::vector<int> near;
+  std::vector<int> near, piece_of_near;
   std::vector<Box> boxes;
   double extent = 0;
   for (int f = 0; f < static_cast<int>(faces.size()); ++f) {
     const Box box = box_of(corners(faces[f].nodes, y));
     if (!overlap.intersects(box)) continue;
     near.push_back(f);
+    piece_of_near.push_back(theirs.piece_of_face[f]);
     boxes.push_back(box);
     extent += box.diagonal().norm();
   }
@@ -278,22 +280,26 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   };
   std::vector<Seen> seen;
   std::vector<int> visited(near.size(), -1);
-  const FacesAtNodes at_node(bodies[p.points]);
+  std::optional<FacesAtNodes> at_node;
+  const auto any_against = [&](int node, const Vec3& direction) {
+    if (!at_node) at_node.emplace(bodies[p.points]);
+    return at_node->any_against(own, node, direction);
+  };
   for (const auto& [node, m, radius] : asked) {
+    const int own_piece = p.points == p.faces ? own.piece_of_node[node] : -1;
     seen.clear();
     const Box around(x[node] - Vec3::Constant(radius), x[node] + Vec3::Constant(radius));
     grid.cells_of(around, [&](int cell) {
       for (int i = cell_start_[cell]; i < cell_start_[cell + 1]; ++i) {
         const int k = cell_face_[i];
-        if (visited[k] == node || !around.intersects(boxes[k])) continue;
+        if (piece_of_near[k] == own_piece || visited[k] == node || !around.intersects(boxes[k])) continue;
         visited[k] = node;
         const int f = near[k];
-        if (p.points == p.faces && theirs.piece_of_face[f] == own.piece_of_node[node]) continue;
         const double height = theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]);
         if (height < -depth) continue;
         const bool from_front = height >= -resting;
         if (theirs.face[f].dot(own.node[node]) > looks_the_same_way &&
-            !(from_front && (pieces.size() > 1 || at_node.any_against(own, node, theirs.face[f]))))
+            !(from_front && (pieces.size() > 1 || any_against(node, theirs.face[f]))))
           continue;
         const std::array<Vec3, 3> c = corners(faces[f].nodes, y);
         const auto w = nearest_on_triangle(x[node], c);
