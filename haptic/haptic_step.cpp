@@ -162,8 +162,8 @@ double pumped_work(const Port& port, const DeviceState& d, const DeviceSettings&
   return device.force_scale * d.vacuum * std::numbers::pi * port.radius * port.radius * way.norm();
 }
 
-// What a device's wrench goes through on its way to the hand. thinned: the problem is another, of less
-// tissue; changed: some went at once, or who is in contact.
+// What a device's wrench goes through on its way to the hand. thinned: the problem is new, and tissue became
+// less by degrees; changed: tissue went at once, or others are in contact.
 ForceSample rendered(Wrench wrench, ForceSample answer, const Verdict& verdict, bool thinned, bool changed,
                      const DeviceSettings& device, const HapticOptions& options, double period,
                      DeviceState& d) noexcept {
@@ -242,7 +242,7 @@ EachInstrument<ForceSample> haptic_step(const CondensedProblem* problem, Instrum
   // compute
   bool finite = true, changed = false;
   const bool swapped = problem && problem->step != s.step, thinned = swapped && problem->thinned;
-  // What went where tissue becomes less had become a tenth of itself before.
+  // What goes by degrees is a tenth of itself by then: no more than what becomes less.
   const bool removal = swapped && problem->topology_changed && !thinned;
   if (contact) {
     finite = solve_tick(*problem, instruments, X, options, input, period, s);

@@ -24,7 +24,7 @@ struct HapticOptions {
   ContactOptions contact;
   ViscousOptions viscous;
   double blend_time = 5e-3;  // after removals and changes of who is in contact [s]; 0: none
-  double thinning_time = 0;  // … after a problem of which some became less, whatever of it went then
+  double thinning_time = 0;  // … in place of it where tissue became less by degrees, whether some went or not
   // Residual (natural map). A solve that ended at its cap or deadline with a larger one is resumed in the
   // next ticks (contact_solve.h), and the wrench goes half-way to the resumed one each tick. Without any
   // progress the last good wrench is held for 10 ms, then fades in 90 ms. It is held, and tissue with

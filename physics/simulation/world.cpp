@@ -307,7 +307,7 @@ void World::gather(const InstrumentSamples& samples, bool topology_changed, Cond
   const InstrumentPoses X = poses_of(samples);
   cutting_.find(bodies_, instruments_, X, settings_.alarm_distance);
   contact_.gather(context_, X, near_, cutting_.nodes(), topology_changed, problem);
-  problem.thinned = any_thinned(bodies_);  // between this step and the one before
+  problem.thinned = any_thinned(bodies_);  // at the end of the step before: what is spent goes in this one
   cutting_.publish(bodies_, instruments_, contact_.patch(), problem);
 }
 

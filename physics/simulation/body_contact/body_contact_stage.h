@@ -60,7 +60,7 @@ class BodyContactStage {
   bool known_end_ = false;                // … as an attempt before this one found
   std::unique_ptr<InstrumentSide> tool_;  // … which left the instruments so; none: with none in touch
   VecX tool_force_;                       // … and their force on the patch's nodes [N]
-  std::vector<std::vector<int>> known_;   // … whose compliance with one another is there
+  std::vector<std::vector<int>> known_;   // per body: nodes whose C, of this step's factor, is there
 };
 
 }  // namespace hapticd

@@ -163,8 +163,8 @@ Zone select_zone(const Body& body, const ZoneRequest& r) {
     inside[n] = 1;
     if (is_needed) zone.needed.push_back(n);
   };
-  // In the order in which C will be asked for: of the corner's last nodes it is cheapest, and the corner ends
-  // with the zone's first.
+  // What C will be asked for comes first: the corner ends with the zone's first nodes, and C costs least for
+  // the corner's last.
   const std::vector<ZoneNode> near = r.X.any() ? nodes_at_instruments(body, r) : std::vector<ZoneNode>();
   const std::size_t inner = std::min(near.size(), max_zone_nodes);
   for (std::size_t k = 0; k < inner; ++k)

@@ -29,7 +29,7 @@ struct ZoneRequest {
 };
 
 struct Zone {
-  std::vector<int> nodes;   // nearest first: their patches are the cheapest
+  std::vector<int> nodes;   // those that C is asked for first, of them the nearest: there it is cheapest
   std::vector<int> halo;    // next to them
   std::vector<int> needed;  // a zone that does not cover these is to move
 };

@@ -152,7 +152,7 @@ TEST_F(SceneInstruments, AListOfOneIsTheSceneWithOneInstrument) {
   EXPECT_EQ(listed.first().device.id, plain.first().device.id);
 }
 
-TEST_F(SceneInstruments, RemovalIsAtOnceUnlessItsLawIsGradual) {
+TEST_F(SceneInstruments, RemovalIsByDegreesUnlessItsLawIsInstant) {
   const auto with = [&](const std::string& law) {
     return read(
         tissue +

@@ -177,7 +177,7 @@ TEST_F(PressedWorld, ByDegreesTheForceFallsByDegrees) {
   EXPECT_LT(last, 0.75 * (before - step(*at_once).contact.wrench[0].z()));
 }
 
-// Whoever blends a problem is told that there is less tissue in it, be it a refreshed one.
+// A problem says that its tissue became less, be it a refreshed one: the haptic loop blends by that.
 TEST_F(PressedWorld, TellsThatTissueBecameLess) {
   const auto w = world(true, nullptr, {.rate = 100, .stroke = 1e-3, .gradual = true});
   for (int i = 0; i < 40; ++i) step(*w);
