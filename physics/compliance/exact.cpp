@@ -70,14 +70,23 @@ class ExactCompliance final : public Compliance {
     mesh_is_current_ = true;
     if (!order_is_current_) {
       const std::vector<std::uint8_t> live = matrix_.live_edges(state);
-      const std::vector<int> order = zone_last_order(matrix_.graph_of(live), fill_order_.order(), zone_);
+      const NodeGraph graph = matrix_.graph_of(live);
+      const std::vector<int> piece = connected_pieces(graph);
+      std::stable_sort(zone_.begin(), zone_.end(), [&](int a, int b) { return piece[a] < piece[b]; });
+      const std::vector<int> order = zone_last_order(graph, fill_order_.order(), zone_);
       if constexpr (std::is_same_v<Factor, MultifrontalFactor>)
-        factor_.set_order(matrix_, order, live, static_cast<int>(zone_.size()));
+        factor_.set_order(matrix_, order, live, static_cast<int>(zone_.size()), ZoneFronts::each_piece);
       else
         factor_.set_order(matrix_, order, live);
       order_is_current_ = true;
       in_corner_ = in_zone_;
-      corner_nodes_ = static_cast<int>(zone_.size());
+      // Other nodes of a piece may come before its part of the zone, in one front with it.
+      corner_nodes_ = 0;
+      for (const int n : zone_)
+        corner_nodes_ = std::max(corner_nodes_, matrix_.node_count() - factor_.place(n));
+      pieces_.assign(1, 0);
+      if constexpr (std::is_same_v<Factor, MultifrontalFactor>)
+        pieces_ = factor_.corner_pieces(corner_nodes_);
     }
     factored_ = corner_is_current_ = false;
     {
@@ -124,7 +133,7 @@ class ExactCompliance final : public Compliance {
       places_.push_back(inside ? factor_.place(n) - corner_start : -1);
     }
     if (!outside_.empty()) factor_.half_solve(places_outside_, half_solved_);
-    patch_inverse_(corner_, places_, outside_, half_solved_, same, block);
+    patch_inverse_(corner_, pieces_, places_, outside_, half_solved_, same, block);
   }
 
   ComplianceReport report() override {
@@ -171,7 +180,8 @@ class ExactCompliance final : public Compliance {
   PatchInverse patch_inverse_;
   std::vector<int> zone_;  // wanted of the next factor
   std::vector<std::uint8_t> in_zone_, in_corner_;
-  int corner_nodes_ = 0;  // of the factor that there is
+  int corner_nodes_ = 0;     // of the factor that there is
+  std::vector<int> pieces_;  // … its corner's: PatchInverse
   std::vector<int> places_, outside_, places_outside_;
   MatX corner_, half_solved_;
   bool mesh_is_current_ = true;

@@ -37,6 +37,10 @@ void find_components(const PatchInverse::Corner& L, std::vector<int>& of) {
 }  // namespace
 
 void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
+  constexpr int whole[] = {0};
+  const auto invert = [&](const Corner& own, std::span<const int> own_places, Eigen::Ref<MatX> own_block) {
+    operator()(own, whole, own_places, {}, {}, false, own_block);
+  };
   if (places.size() <= large) return invert(L, places, block);
   std::vector<int> component;  // per place
   find_components(L, component);
@@ -72,15 +76,17 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, Eige
       for (Eigen::Index i = 0; i < own; ++i)
         block.block<3, 3>(3 * nodes[i], 3 * nodes[j]) = own_block.block<3, 3>(3 * i, 3 * j);
   }
-  forget();  // what is known is of the last piece alone
+  pieces_ = 0;  // what is known is of the last piece alone
 }
 
-void PatchInverse::operator()(const Corner& L, std::span<const int> places, std::span<const int> outside,
-                              const MatX& half_solved, bool same_L, Eigen::Ref<MatX> block) {
-  if (places.size() > large) same_L = false;
-  if (outside.empty() && !same_L) return operator()(L, places, block);
-  if (same_L && rows() > 6 * static_cast<int>(places.size()) + 2 * tile) same_L = false;  // most have gone by
-  if (!same_L) forget();
+void PatchInverse::operator()(const Corner& L, std::span<const int> pieces, std::span<const int> places,
+                              std::span<const int> outside, const MatX& half_solved, bool same_L,
+                              Eigen::Ref<MatX> block) {
+  int known = 0;
+  for (std::size_t k = 0; k < pieces_; ++k) known += rows_[k].rows();
+  // Or most of them have gone by.
+  if (!same_L || pieces_ != pieces.size() || known > 6 * static_cast<int>(places.size()) + 2 * tile)
+    begin(L.rows(), pieces);
   add_rows(L, places);
   gather(places, block);
   if (outside.empty()) return;
@@ -88,66 +94,93 @@ void PatchInverse::operator()(const Corner& L, std::span<const int> places, std:
   D_.noalias() = half_solved.transpose() * half_solved;
   for (int i = 0; i < out; ++i)
     for (int j = 0; j <= i; ++j) put(block, outside[i], outside[j], D_.block<3, 3>(3 * i, 3 * j));
-  std::vector<int> of(begins_.size() / 3, -1);  // in the patch
-  for (int k = 0; k < static_cast<int>(places.size()); ++k)
-    if (places[k] >= 0) of[row_[places[k]] / 3] = k;
-  for (int row = 0; row < rows(); row += tile) {
-    const auto first = of.begin() + row / 3;
-    if (std::all_of(first, first + tile / 3, [](int k) { return k < 0; })) continue;
-    const Eigen::Index height = L.rows() - begins_[row];
-    D_.noalias() =
-        half_solved.bottomRows(height).transpose() * Y_.block(row, begins_[row], tile, height).transpose();
-    for (int k = 0; k < tile / 3; ++k)
-      for (int i = 0; i < out && first[k] >= 0; ++i)
-        put(block, outside[i], first[k], D_.block<3, 3>(3 * i, 3 * k));
+  std::vector<int> of;  // in the patch
+  for (std::size_t p = 0; p < pieces_; ++p) {
+    const Rows& own = rows_[p];
+    const auto size = static_cast<Eigen::Index>(3 * own.row.size());
+    const Eigen::Index start = half_solved.rows() - L.rows() + 3 * own.start;
+    of.assign(own.begins.size() / 3, -1);
+    for (int k = 0; k < static_cast<int>(places.size()); ++k)
+      if (places[k] >= 0 && piece_of_[places[k]] == static_cast<int>(p))
+        of[own.row[places[k] - own.start] / 3] = k;
+    for (int row = 0; row < own.rows(); row += tile) {
+      const auto first = of.begin() + row / 3;
+      if (std::all_of(first, first + tile / 3, [](int k) { return k < 0; })) continue;
+      const Eigen::Index height = size - own.begins[row];
+      D_.noalias() = half_solved.middleRows(start + own.begins[row], height).transpose() *
+                     own.Y.block(row, own.begins[row], tile, height).transpose();
+      for (int k = 0; k < tile / 3; ++k)
+        for (int i = 0; i < out && first[k] >= 0; ++i)
+          put(block, outside[i], first[k], D_.block<3, 3>(3 * i, 3 * k));
+    }
   }
 }
 
-void PatchInverse::invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block) {
-  forget();
-  add_rows(L, places);
-  gather(places, block);
+// Of a corner with so many rows, nothing is known.
+void PatchInverse::begin(Eigen::Index size, std::span<const int> pieces) {
+  pieces_ = pieces.size();
+  rows_.resize(std::max(rows_.size(), pieces_));
+  piece_of_.resize(static_cast<std::size_t>(size / 3));
+  for (std::size_t k = 0; k < pieces_; ++k) {
+    const auto end = k + 1 < pieces_ ? static_cast<std::size_t>(pieces[k + 1]) : piece_of_.size();
+    const auto start = static_cast<std::size_t>(pieces[k]);
+    rows_[k].start = pieces[k];
+    rows_[k].row.assign(end - start, -1);
+    rows_[k].begins.clear();
+    std::fill(piece_of_.begin() + pieces[k], piece_of_.begin() + static_cast<std::ptrdiff_t>(end),
+              static_cast<int>(k));
+  }
+}
+
+void PatchInverse::add_rows(const Corner& L, std::span<const int> places) {
+  for (std::size_t k = 0; k < pieces_; ++k) rows_[k].wanted.clear();
+  for (const int place : places) {
+    if (place < 0) continue;
+    Rows& own = rows_[piece_of_[place]];
+    if (own.row[place - own.start] < 0) own.wanted.push_back(place - own.start);
+  }
+  for (std::size_t k = 0; k < pieces_; ++k) {
+    const auto size = static_cast<Eigen::Index>(3 * rows_[k].row.size());
+    const Eigen::Index start = 3 * rows_[k].start;
+    rows_[k].add(*kernels_, L.block(start, start, size, size));
+  }
 }
 
 // Whole tiles, so that none has rows of two calls.
-void PatchInverse::add_rows(const Corner& L, std::span<const int> places) {
+void PatchInverse::Rows::add(const FrontKernels& kernels, const Corner& L) {
   const Eigen::Index size = L.rows();
-  if (begins_.empty()) row_.assign(static_cast<std::size_t>(size / 3), -1);
-  new_.clear();
-  for (const int place : places)
-    if (place >= 0 && row_[place] < 0) new_.push_back(place);
-  std::sort(new_.begin(), new_.end());
-  new_.erase(std::unique(new_.begin(), new_.end()), new_.end());
-  if (new_.empty()) return;
-  const int first = rows(), last = first + 3 * static_cast<int>(new_.size());
+  std::sort(wanted.begin(), wanted.end());
+  wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
+  if (wanted.empty()) return;
+  const int first = rows(), last = first + 3 * static_cast<int>(wanted.size());
   const int end = first + (last - first + tile - 1) / tile * tile;
-  begins_.resize(static_cast<std::size_t>(end), static_cast<int>(size));
+  begins.resize(static_cast<std::size_t>(end), static_cast<int>(size));
   make_room(end, size);
-  for (std::size_t k = 0; k < new_.size(); ++k) {
-    const int row = row_[new_[k]] = first + 3 * static_cast<int>(k);
-    for (int c = 0; c < 3; ++c) begins_[row + c] = 3 * new_[k] + c;
+  for (std::size_t k = 0; k < wanted.size(); ++k) {
+    const int own = row[wanted[k]] = first + 3 * static_cast<int>(k);
+    for (int c = 0; c < 3; ++c) begins[own + c] = 3 * wanted[k] + c;
   }
-  for (int row = first; row < end; row += tile) {
-    const int begin = begins_[row] / row_multiple * row_multiple;
-    Y_.block(row, begin, tile, size - begin).setZero();
-    for (int r = row; r < std::min(row + tile, last); ++r) Y_(r, begins_[r]) = 1;
+  for (int r = first; r < end; r += tile) {
+    const int begin = begins[r] / row_multiple * row_multiple;
+    Y.block(r, begin, tile, size - begin).setZero();
+    for (int i = r; i < std::min(r + tile, last); ++i) Y(i, begins[i]) = 1;
   }
-  kernels_->solve_rows(L.data(), L.outerStride(), static_cast<int>(size), begins_.data(), first, end,
-                       Y_.data(), Y_.rows(), inverses_.data());
-  kernels_->multiply_rows(Y_.data(), Y_.rows(), static_cast<int>(size), begins_.data(), first, end, C_.data(),
-                          C_.rows());
+  kernels.solve_rows(L.data(), L.outerStride(), static_cast<int>(size), begins.data(), first, end, Y.data(),
+                     Y.rows(), inverses.data());
+  kernels.multiply_rows(Y.data(), Y.rows(), static_cast<int>(size), begins.data(), first, end, C.data(),
+                        C.rows());
 }
 
-void PatchInverse::make_room(int rows, Eigen::Index size) {
+void PatchInverse::Rows::make_room(int rows, Eigen::Index size) {
   // Columns an odd number of cache lines apart.
   const auto odd = [](Eigen::Index n) {
     return n / (2 * row_multiple) * (2 * row_multiple) + 3 * row_multiple;
   };
-  if (Y_.rows() < rows || Y_.cols() < size)
-    Y_.conservativeResize(std::max(Y_.rows(), odd(std::max<Eigen::Index>(rows, size))),
-                          std::max(Y_.cols(), size));
-  if (C_.rows() < rows) C_.conservativeResize(odd(rows + rows / 4), odd(rows + rows / 4));
-  inverses_.resize(std::max(inverses_.size(), static_cast<std::size_t>((row_multiple + 1) * size)));
+  if (Y.rows() < rows || Y.cols() < size)
+    Y.conservativeResize(std::max(Y.rows(), odd(std::max<Eigen::Index>(rows, size))),
+                         std::max(Y.cols(), size));
+  if (C.rows() < rows) C.conservativeResize(odd(rows + rows / 4), odd(rows + rows / 4));
+  inverses.resize(std::max(inverses.size(), static_cast<std::size_t>((row_multiple + 1) * size)));
 }
 
 // The lower triangle column by column, then its mirror image tile by tile.
@@ -156,15 +189,16 @@ void PatchInverse::gather(std::span<const int> places, Eigen::Ref<MatX> block) c
   for (int j = 0; j < count; ++j)
     for (int i = j; i < count; ++i) {
       auto entry = block.block<3, 3>(3 * i, 3 * j);
-      if (places[i] < 0 || places[j] < 0) {
+      if (places[i] < 0 || places[j] < 0 || piece_of_[places[i]] != piece_of_[places[j]]) {
         entry.setZero();
         continue;
       }
-      const int a = row_[places[i]], b = row_[places[j]];
+      const Rows& own = rows_[piece_of_[places[i]]];
+      const int a = own.row[places[i] - own.start], b = own.row[places[j] - own.start];
       if (a >= b)
-        entry = -C_.block<3, 3>(a, b);
+        entry = -own.C.block<3, 3>(a, b);
       else
-        entry = -C_.block<3, 3>(b, a).transpose();
+        entry = -own.C.block<3, 3>(b, a).transpose();
     }
   constexpr int nodes = 8;
   for (int j = 0; j < count; j += nodes) {

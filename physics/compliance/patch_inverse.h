@@ -24,26 +24,35 @@ class PatchInverse {
  public:
   using Corner = Eigen::Ref<const MatX, 0, Eigen::OuterStride<>>;
   void operator()(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block);
-  // same_L: as in the last call.
-  void operator()(const Corner& L, std::span<const int> places, std::span<const int> outside,
-                  const MatX& half_solved, bool same_L, Eigen::Ref<MatX> block);
+  // pieces: the places, ascending from 0 on, from which L is zero before. same_L: as in the last call.
+  void operator()(const Corner& L, std::span<const int> pieces, std::span<const int> places,
+                  std::span<const int> outside, const MatX& half_solved, bool same_L, Eigen::Ref<MatX> block);
 
  private:
-  void invert(const Corner& L, std::span<const int> places, Eigen::Ref<MatX> block);
-  void forget() { begins_.clear(); }
-  int rows() const { return static_cast<int>(begins_.size()); }
+  // Of one piece.
+  struct Rows {
+    int start = 0;            // its first place
+    std::vector<int> row;     // per place: the first of its node's in Y, or −1
+    std::vector<int> begins;  // per row of Y: its first column; the piece's size of rows that fill a tile up
+    std::vector<int> wanted;  // places, sorted
+    std::vector<double> inverses;
+    MatX Y;  // 3 rows a node, and room for a tile behind the last
+    MatX C;  // −Y Yᵀ of the nodes known, the lower triangle
+
+    int rows() const { return static_cast<int>(begins.size()); }
+    void add(const FrontKernels& kernels, const Corner& L);
+    void make_room(int rows, Eigen::Index size);
+  };
+
+  void begin(Eigen::Index size, std::span<const int> pieces);
   void add_rows(const Corner& L, std::span<const int> places);
-  void make_room(int rows, Eigen::Index size);
   void gather(std::span<const int> places, Eigen::Ref<MatX> block) const;
 
   const FrontKernels* kernels_ = &front_kernels();
-  std::vector<int> row_;     // per place: the first of its node's in Y, or −1
-  std::vector<int> begins_;  // per row of Y: its first column; the corner's size of rows that fill a tile up
-  std::vector<int> new_;     // places, sorted
-  std::vector<double> inverses_;
-  MatX Y_;  // 3 rows a node, and room for a tile behind the last
-  MatX C_;  // −Y Yᵀ of the nodes known, the lower triangle
-  MatX D_;  // of nodes outside with each other, and with a tile
+  std::vector<Rows> rows_;
+  std::size_t pieces_ = 0;     // of them in use
+  std::vector<int> piece_of_;  // per place
+  MatX D_;                     // of nodes outside with each other, and with a tile
 };
 
 }  // namespace hapticd

@@ -139,9 +139,10 @@ void know_free_motion(Body& body, std::span<const int> nodes) {
   if (body.free.forward_solved && !body.references->forward_covers(nodes)) finish_free_motion(body, nullptr);
 }
 
-void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy) {
+void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy, const VecX* response) {
   const Within free_motion(body.times, StepPart::free_motion);
-  finish_free_motion(body, contact_force);
+  finish_free_motion(body, response ? nullptr : contact_force);
+  if (response) body.free.dx += *response;
   if (contact_force)
     body.corrected.force = *contact_force;
   else

@@ -58,7 +58,8 @@ void fresh_free_motion(Body& body, double h);
 void foresee_free_motion(Body& body, double h);
 
 // x += Δx, v = Δx/h of Δx = Δx_free + C f (f: may be null); with `keeps_energy`, of so much of it as makes
-// none (energy_bound.h).
-void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy = true);
+// none (energy_bound.h). response: C f, where it is known.
+void correct(Body& body, const VecX* contact_force, double h, bool keeps_energy = true,
+             const VecX* response = nullptr);
 
 }  // namespace hapticd

@@ -115,7 +115,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   }
   report.condensed_nodes = pressed_condensed_nodes();
   placed_ = usable(report.contact) ? report.contact.instrument : InstrumentPoses();
-  report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force);
+  report.bounded_bodies = correct_bodies(context_, contact_.state.patch_force, body_contact_.responses());
   if (usable(report.contact))
     cutting_.advance(bodies_, instruments_, poses_of(samples), problem, contact_.state.solver.memory);
 
@@ -124,8 +124,9 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   problem.thinned = problem.thinned || any_thinned(bodies_);
   flow(samples, report);
 
-  // What will be cut next is not foreseen, and a cut starts the step afresh.
-  const bool ahead = prediction_.active() && !report.split;
+  // What will be cut next is not foreseen, nor where what touches will be; and a cut starts the step afresh.
+  const bool ahead = prediction_.active() && !report.split && !contacts().any();
+  looked_ahead_ = ahead;
   factors_.renew(context_, ahead, report);
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);

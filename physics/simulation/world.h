@@ -66,7 +66,7 @@ class World {
 
   // Between steps, after one that removed something: its problem made again for where the instrument now is,
   // if what is left turns there. False: there is nothing to publish.
-  bool wants_refresh() const { return removing_ && looks_ahead(); }
+  bool wants_refresh() const { return removing_ && looked_ahead_; }
   bool refresh(const InstrumentSamples& samples, CondensedProblem& problem);
 
   // Between steps, once the last one's problem is published: which faces break in the next.
@@ -88,8 +88,8 @@ class World {
     return RegionStage::make(bodies_, settings_, enough);
   }
 
-  // A step's factor is made for the step to come, which then latches its pose at once.
-  bool looks_ahead() const { return prediction_.active(); }
+  // Each step's factor is made for the step to come, which then latches its pose at once.
+  bool looks_ahead() const { return prediction_.active() && contacts().empty(); }
 
   const Bodies& bodies() const { return bodies_; }
   const BodyContacts& contacts() const { return body_contact_.contacts(); }
@@ -147,6 +147,7 @@ class World {
   StepContext context_;
   bool removing_ = false;             // this step removed something, or the last one at its end
   bool removed_ahead_ = false;        // … the last one at its end
+  bool looked_ahead_ = false;         // … the last one did
   EachInstrument<LumenState> lumen_;  // as the tips took last
   EachInstrument<double> passed_;     // … through them, in a step [m³]
   std::uint64_t steps_ = 0;

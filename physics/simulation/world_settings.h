@@ -26,7 +26,7 @@ struct WorldSettings {
   int linearisations = 3;            // of a step's contact solve
   CoulombOptions coulomb;
   // Where in its use a published problem is best: this long after its pose was latched [s]; 0: at that pose.
-  // Only for renewed contact, and not where bodies touch one another.
+  // Only for renewed contact, and not in steps in which bodies may touch one another.
   double lead = 0;
   // For comparison only (tools/offline/offline_run.h): the paper keeps the pose of the step's start, and
   // publishes the free motion that the step began with.
@@ -36,9 +36,10 @@ struct WorldSettings {
   bool keeps_energy = true;
 };
 
-// Whether steps end by linearising bodies where the instrument will be (step/prediction.h).
+// Whether steps end by linearising bodies where the instrument will be (step/prediction.h), those apart in
+// which bodies may touch one another.
 inline bool predicts(const WorldSettings& s) {
-  return s.lead > 0 && s.contact == Renewal::renewed && s.fresh_free_motion && s.body_contact.pairs.empty();
+  return s.lead > 0 && s.contact == Renewal::renewed && s.fresh_free_motion;
 }
 
 // Whether the method keeps reference factors that others make.

@@ -43,7 +43,7 @@ void list_children(const FrontTree& tree, FrontPlan& plan) {
 }
 
 // Both stacks as they will grow and shrink; the second one's contribution blocks are moved behind the first's
-// at the end.
+// at the end. The zone's fronts, which come last, whatever subtrees theirs are, leave none.
 void stack_contributions(const FrontTree& tree, FrontPlan& plan) {
   const int count = static_cast<int>(plan.fronts.size());
   std::vector<int> depth(count, 0);
@@ -120,11 +120,11 @@ void place_couplings(const SystemMatrix& matrix, std::span<const std::uint8_t> l
 }  // namespace
 
 FrontPlan plan_fronts(const SystemMatrix& matrix, std::span<const int> order,
-                      std::span<const std::uint8_t> live_edges, int zone) {
+                      std::span<const std::uint8_t> live_edges, int zone, ZoneFronts zone_fronts) {
   const std::vector<std::uint8_t> live =
       live_edges.empty() ? std::vector<std::uint8_t>(matrix.edges().size(), 1)
                          : std::vector<std::uint8_t>(live_edges.begin(), live_edges.end());
-  const FrontTree tree = front_tree(matrix.graph_of(live), order, zone);
+  const FrontTree tree = front_tree(matrix.graph_of(live), order, zone, {}, zone_fronts);
   FrontPlan plan;
   plan.order = tree.order;
   plan.place.resize(plan.order.size());

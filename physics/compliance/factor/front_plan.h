@@ -59,8 +59,9 @@ struct FrontPlan {
   int tallest = 0;
 };
 
-// `live_edges` as in SystemMatrix, empty: all; the last `zone` nodes of the order are one front's last.
+// `live_edges` as in SystemMatrix, empty: all; the last `zone` nodes of the order are the last fronts' last.
 FrontPlan plan_fronts(const SystemMatrix& matrix, std::span<const int> order,
-                      std::span<const std::uint8_t> live_edges, int zone);
+                      std::span<const std::uint8_t> live_edges, int zone,
+                      ZoneFronts zone_fronts = ZoneFronts::one);
 
 }  // namespace hapticd

@@ -13,7 +13,7 @@ double FrontCost::operator()(int width, int height) const noexcept {
 
 namespace {
 
-// Fronts while they are made: numbered by the place of their last node, or `rest` for the zone.
+// Fronts while they are made: numbered by the place of their last node, the zone's from `rest` on.
 struct Growing {
   std::vector<int> nodes;  // places
   std::vector<int> below;
@@ -21,12 +21,31 @@ struct Growing {
   int parent = -1;
 };
 
-std::vector<Growing> elimination_tree(const NodeGraph& graph, std::span<const int> order, int zone) {
+// For each of the zone's places, from `rest` on, the number of its front.
+std::vector<int> fronts_of_zone(const NodeGraph& graph, std::span<const int> order, int zone,
+                                ZoneFronts zone_fronts) {
+  std::vector<int> front(zone, 0);
+  if (zone_fronts == ZoneFronts::one) return front;
+  const std::vector<int> piece = connected_pieces(graph);
+  std::vector<int> last(graph.node_count(), -1);  // of the zone's places, by piece
+  const std::span<const int> nodes = order.last(zone);
+  for (int k = 0; k < zone; ++k) last[piece[nodes[k]]] = k;
+  for (int k = 0, end = 0, number = -1; k < zone; ++k) {
+    if (k == end) ++number;
+    end = std::max({end, k + 1, last[piece[nodes[k]]] + 1});
+    front[k] = number;
+  }
+  return front;
+}
+
+std::vector<Growing> elimination_tree(const NodeGraph& graph, std::span<const int> order, int zone,
+                                      ZoneFronts zone_fronts) {
   const int n = graph.node_count();
   const int rest = n - zone;
   std::vector<int> place(n);
   for (int j = 0; j < n; ++j) place[order[j]] = j;
-  std::vector<Growing> fronts(zone > 0 ? rest + 1 : rest);
+  const std::vector<int> of_zone = fronts_of_zone(graph, order, zone, zone_fronts);
+  std::vector<Growing> fronts(zone > 0 ? rest + 1 + of_zone.back() : rest);
   std::vector<int> seen(n, -1);
   for (int j = 0; j < rest; ++j) {
     Growing& front = fronts[j];
@@ -41,10 +60,11 @@ std::vector<Growing> elimination_tree(const NodeGraph& graph, std::span<const in
     for (const int child : front.children)
       for (const int i : fronts[child].below) add(i);
     if (front.below.empty()) continue;
-    front.parent = std::min(rest, *std::min_element(front.below.begin(), front.below.end()));
+    const int next = *std::min_element(front.below.begin(), front.below.end());
+    front.parent = next < rest ? next : rest + of_zone[next - rest];
     fronts[front.parent].children.push_back(j);
   }
-  for (int j = rest; j < n; ++j) fronts[rest].nodes.push_back(j);
+  for (int j = rest; j < n; ++j) fronts[rest + of_zone[j - rest]].nodes.push_back(j);
   return fronts;
 }
 
@@ -75,9 +95,8 @@ void amalgamate(std::vector<Growing>& fronts, const FrontCost& cost) {
   }
 }
 
-// Fronts by postorder.
-std::vector<int> postorder(const std::vector<Growing>& fronts) {
-  std::vector<int> result;
+// Fronts by postorder, those from `rest` on last.
+std::vector<int> postorder(const std::vector<Growing>& fronts, int rest) {
   std::vector<int> stack;
   for (int root = static_cast<int>(fronts.size()) - 1; root >= 0; --root)
     if (fronts[root].parent < 0 && !fronts[root].nodes.empty()) stack.push_back(root);
@@ -90,7 +109,9 @@ std::vector<int> postorder(const std::vector<Growing>& fronts) {
     walk.push_back(f);
     stack.insert(stack.end(), fronts[f].children.begin(), fronts[f].children.end());
   }
-  return {walk.rbegin(), walk.rend()};
+  std::vector<int> result(walk.rbegin(), walk.rend());
+  std::stable_partition(result.begin(), result.end(), [&](int f) { return f < rest; });
+  return result;
 }
 
 // Inside a front any order does, so nodes that are below the same fronts become neighbours, the tallest
@@ -111,10 +132,11 @@ void sort_nodes(std::vector<Growing>& fronts, std::span<const int> sequence, int
 
 }  // namespace
 
-FrontTree front_tree(const NodeGraph& graph, std::span<const int> order, int zone, const FrontCost& cost) {
-  std::vector<Growing> fronts = elimination_tree(graph, order, zone);
+FrontTree front_tree(const NodeGraph& graph, std::span<const int> order, int zone, const FrontCost& cost,
+                     ZoneFronts zone_fronts) {
+  std::vector<Growing> fronts = elimination_tree(graph, order, zone, zone_fronts);
   amalgamate(fronts, cost);
-  const std::vector<int> sequence = postorder(fronts);
+  const std::vector<int> sequence = postorder(fronts, graph.node_count() - zone);
   sort_nodes(fronts, sequence, graph.node_count(), zone);
 
   FrontTree tree;

@@ -16,8 +16,9 @@ void reserve(PageMemory& memory, std::ptrdiff_t numbers) {
 }  // namespace
 
 void MultifrontalFactor::set_order(const SystemMatrix& matrix, std::span<const int> order,
-                                   std::span<const std::uint8_t> live_edges, int zone) {
-  plan_ = plan_fronts(matrix, order, live_edges, zone);
+                                   std::span<const std::uint8_t> live_edges, int zone,
+                                   ZoneFronts zone_fronts) {
+  plan_ = plan_fronts(matrix, order, live_edges, zone, zone_fronts);
   reserve(values_, plan_.values);
   reserve(workspace_, plan_.workspace + row_multiple);  // what add_child reads behind the last column
   reciprocal_.resize(3 * plan_.order.size());
@@ -134,6 +135,14 @@ void MultifrontalFactor::trailing_corner(int nodes, MatX& corner) const {
         corner(plan_.below[front->below + i - front->width] - first, j) = column[i];
     }
   }
+}
+
+std::vector<int> MultifrontalFactor::corner_pieces(int nodes) const {
+  const int first = static_cast<int>(x_.size()) - 3 * nodes;
+  std::vector<int> pieces;
+  for (const FrontPlan::Front& front : plan_.fronts)
+    if (front.first + front.width > first) pieces.push_back(std::max(0, front.first - first) / 3);
+  return pieces;
 }
 
 std::size_t MultifrontalFactor::memory_bytes() const noexcept {

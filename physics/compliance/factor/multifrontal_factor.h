@@ -30,9 +30,10 @@ class MultifrontalFactor {
   // Others than the processor's best are for tests.
   explicit MultifrontalFactor(const FrontKernels& kernels = front_kernels()) : kernels_(&kernels) {}
 
-  // `live_edges` as CholmodFactor::set_order; the order's last `zone` nodes are factored as one dense block.
+  // `live_edges` as CholmodFactor::set_order; the order's last `zone` nodes are factored as dense blocks.
   void set_order(const SystemMatrix& matrix, std::span<const int> order,
-                 std::span<const std::uint8_t> live_edges, int zone);
+                 std::span<const std::uint8_t> live_edges, int zone,
+                 ZoneFronts zone_fronts = ZoneFronts::one);
 
   void factor(const SystemMatrix& matrix);
 
@@ -66,6 +67,8 @@ class MultifrontalFactor {
 
   // The trailing corner of L: rows and columns of the last `nodes` nodes, strict upper triangle zero.
   void trailing_corner(int nodes, MatX& corner) const;
+  // Its places from which on no node is coupled with those before, if it is made of the zone's fronts.
+  std::vector<int> corner_pieces(int nodes) const;
 
  private:
   bool eliminate(const SystemMatrix& matrix, int kept);

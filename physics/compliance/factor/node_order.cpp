@@ -41,6 +41,25 @@ NodeGraph node_graph(const TissueModel& model) {
   return graph;
 }
 
+std::vector<int> connected_pieces(const NodeGraph& graph) {
+  std::vector<int> piece(graph.node_count(), -1), reached;
+  for (int first = 0; first < graph.node_count(); ++first) {
+    if (piece[first] >= 0) continue;
+    piece[first] = first;
+    reached.assign(1, first);
+    while (!reached.empty()) {
+      const int n = reached.back();
+      reached.pop_back();
+      for (const int other : graph.of(n)) {
+        if (piece[other] >= 0) continue;
+        piece[other] = first;
+        reached.push_back(other);
+      }
+    }
+  }
+  return piece;
+}
+
 std::vector<int> fill_reducing_order(const NodeGraph& graph) {
   const int n = graph.node_count();
   std::vector<int> order(n);

@@ -29,6 +29,9 @@ struct NodeGraph {
 // Of the nodes in use.
 NodeGraph node_graph(const TissueModel& model);
 
+// By node: the first of those that it is connected with.
+std::vector<int> connected_pieces(const NodeGraph& graph);
+
 // METIS nested dissection. Throws std::runtime_error when it fails.
 std::vector<int> fill_reducing_order(const NodeGraph& graph);
 

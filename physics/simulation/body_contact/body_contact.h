@@ -80,6 +80,7 @@ class BodyContacts {
 
   bool empty() const { return finder_.pairs().empty(); }
   std::span<const ContactPair> pairs() const { return finder_.pairs(); }
+  bool names(int body) const;  // in one of the pairs
   void surface_changed(int body) { finder_.surface_changed(body); }
 
   // Who may touch whom in the step that begins at the bodies' present positions.

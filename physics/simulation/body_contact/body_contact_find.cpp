@@ -30,12 +30,17 @@ double height_at_start(const Bodies& bodies, const ContactPair& p, int node, int
 
 }  // namespace
 
+bool BodyContacts::names(int body) const {
+  return std::any_of(pairs().begin(), pairs().end(),
+                     [&](const ContactPair& p) { return p.points == body || p.faces == body; });
+}
+
 void BodyContacts::find(const Bodies& bodies) {
   report_ = {};
   candidates_.clear();
   if (empty()) return;
   solved_.clear();
-  finder_.follow(bodies);
+  finder_.begin_step(bodies);
   const auto present = [&](int b) { return std::span<const Vec3>(bodies[b].state.x); };
   for (int k = 0; k < static_cast<int>(pairs().size()); ++k) {
     const ContactPair& p = pairs()[k];
@@ -80,7 +85,7 @@ void BodyContacts::drop_ghosts(const Bodies& bodies, bool all,
     const SurfaceNormals& normals = finder_.normals(p.faces);
     const double far = -through * depth_of(bodies, p);
     const auto known = remembered(e.pair, e.node);
-    const Vec3& own_normal = finder_.normals(p.points).node[e.node];
+    const Vec3& own_normal = finder_.normals(p.points).node(e.node);
     const auto is_ghost = [&](int f) {
       return normals.face[f].dot(own_normal) > against && height_at_start(bodies, p, e.node, f) < far &&
              normals.distance(bodies[p.faces], f, bodies[p.points].state.x[e.node], bodies[p.faces].state.x) <

@@ -14,7 +14,7 @@ constexpr double in_vain = 0.7;         // of what was left before
 constexpr int most_sliding = 40;        // solves with geometry held and friction free to change
 constexpr int most_held = 200;          // … and with friction held: the proof counts none
 constexpr int most_attempts = 40;       // at finding the nodes that a fast step brings into touch
-constexpr double settled_force = 1e-6;  // relative
+constexpr double settled_force = 1e-3;  // relative
 constexpr double settled_gap = 1e-7;    // [m]
 constexpr double held_gap = 1e-6;       // overlap that geometry held may leave [m]
 
@@ -69,13 +69,19 @@ BodyContactStage::~BodyContactStage() = default;
 
 void BodyContactStage::surface_changed(Bodies& bodies, int b) {
   contacts_.surface_changed(b);
-  for (const ContactPair& p : contacts_.pairs())
-    if (p.points == b || p.faces == b) bodies[p.points].asleep = bodies[p.faces].asleep = false;
+  if (!contacts_.names(b)) return;
+  const bool slept = bodies[b].asleep;  // and those that slept with it were not looked for
+  for (const ContactPair& p : contacts_.pairs()) {
+    const bool near = contacts_.touching(p.points, p.faces) || slept;
+    if ((p.points == b || p.faces == b) && near) bodies[p.points].asleep = bodies[p.faces].asleep = false;
+  }
+  bodies[b].asleep = false;
 }
 
 void BodyContactStage::find(Bodies& bodies) {
   if (contacts_.empty()) return;
   known_.assign(bodies.size(), {});
+  x_end_.clear();
   contacts_.find(bodies);
   for (const ContactPair& p : contacts_.pairs()) {
     Body &a = bodies[p.points], &b = bodies[p.faces];
@@ -182,7 +188,7 @@ void BodyContactStage::predict_end(const StepContext& c, int b, const VecX& patc
   const Body& body = c.bodies[b];
   if (!is_awake(body)) return;
   x_end_[b] = body.state.x;
-  VecX moved = force_on_body(body, b, c.patch.nodes(), patch_force);
+  VecX& moved = responses_[b] = force_on_body(body, b, c.patch.nodes(), patch_force);
   if (contacts_.any()) contacts_.add_forces(b, moved);
   if (!moved.isZero(0)) body.compliance->apply(moved, moved);
   for (std::size_t n = 0; n < x_end_[b].size(); ++n)
@@ -210,15 +216,17 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
                              const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
-  x_end_.assign(c.bodies.size(), {});
-  known_end_ = false;
+  // A step's second solve, with suction of another size, goes on from where the first took the bodies.
+  known_end_ = !x_end_.empty();
+  x_end_.resize(c.bodies.size());
+  responses_.assign(c.bodies.size(), {});
   tool_.reset();
   int missing = 0;
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     contact.state.solver = before;
     solve_once(c, factors, contact, samples, problem, last, report);
-    for (const ContactPair& p : contacts_.pairs())
-      for (const int b : {p.points, p.faces}) predict_end(c, b, contact.state.patch_force);
+    for (int b = 0; b < c.body_count(); ++b)
+      if (contacts_.names(b)) predict_end(c, b, contact.state.patch_force);
     known_end_ = true;
     const Positions end = [&](int b) {
       return std::span<const Vec3>(is_awake(c.bodies[b]) ? x_end_[b] : c.bodies[b].state.x);

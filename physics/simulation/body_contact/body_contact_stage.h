@@ -45,6 +45,9 @@ class BodyContactStage {
                   const InstrumentSamples& samples, const CondensedProblem& problem,
                   const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
 
+  // Of each body's nodes, to the forces of the last solve; empty: not known.
+  std::span<const VecX> responses() const { return responses_; }
+
   // Nothing where nothing touches. patch_force: of the instrument [N].
   void condense(const Bodies& bodies, const VecX& patch_force, CondensedProblem& problem, StepReport& report);
 
@@ -56,6 +59,7 @@ class BodyContactStage {
   void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples);
 
   BodyContacts contacts_;
+  std::vector<VecX> responses_;
   std::vector<std::vector<Vec3>> x_end_;  // per body: where this step is about to take its nodes
   bool known_end_ = false;                // … as an attempt before this one found
   std::unique_ptr<InstrumentSide> tool_;  // … which left the instruments so; none: with none in touch

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
+#include <numeric>
 #include <tuple>
 
 #include "physics/tissue/fragments.h"
@@ -14,6 +14,7 @@ namespace {
 constexpr double looks_the_same_way = 0.2;  // n_face · n_node
 constexpr double against = 1e-3;            // cosine of normals that look against one another
 constexpr double resting = 2e-6;            // a face that a node lay on is overlapped by no more [m]
+constexpr int most_measured = 16;           // nodes, before all are looked for
 
 using Box = Eigen::AlignedBox3d;
 
@@ -72,41 +73,48 @@ std::vector<PieceExtent> extents(const SurfaceNormals& surface, std::span<const 
   return out;
 }
 
-// The surface's faces, by node.
-class FacesAtNodes {
- public:
-  explicit FacesAtNodes(const Body& body) : start_(body.state.x.size() + 1, 0) {
-    const auto& faces = body.surface.faces();
-    for (const SurfaceFace& f : faces)
-      for (const int n : f.nodes) ++start_[n + 1];
-    for (std::size_t n = 1; n < start_.size(); ++n) start_[n] += start_[n - 1];
-    face_.resize(start_.back());
-    std::vector<int> fill(start_.begin(), start_.end() - 1);
-    for (std::size_t f = 0; f < faces.size(); ++f)
-      for (const int n : faces[f].nodes) face_[fill[n]++] = static_cast<int>(f);
+// From the nearest of all faces [m].
+double distance_to_all(const Vec3& x, std::span<const SurfaceFace> faces, std::span<const Vec3> y) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const SurfaceFace& f : faces) {
+    const std::array<Vec3, 3> c = corners(f.nodes, y);
+    const auto w = nearest_on_triangle(x, c);
+    least = std::min(least, (x - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2])).squaredNorm());
   }
-  // Some face at the node looks against this direction: its tissue is not all that there is behind the node.
-  bool any_against(const SurfaceNormals& surface, int node, const Vec3& direction) const {
-    for (int k = start_[node]; k < start_[node + 1]; ++k)
-      if (surface.face[face_[k]].dot(direction) < -against) return true;
-    return false;
-  }
+  return std::sqrt(least);
+}
 
- private:
-  std::vector<int> start_, face_;
-};
+// Some face at the node looks against this direction: its tissue is not all that there is behind the node.
+bool any_against(const SurfaceNormals& surface, int node, const Vec3& direction) {
+  const auto is_against = [&](int f) { return surface.face[f].dot(direction) < -against; };
+  return std::ranges::any_of(surface.faces_at(node), is_against);
+}
 
 }  // namespace
 
-void SurfaceNormals::set_surface(const Body& body) {
+std::vector<int> pieces_of(const Body& body) {
+  return body.deformable ? label_pieces(body.model, body.state) : std::vector<int>();
+}
+
+void SurfaceNormals::set_surface(const Body& body, std::span<const int> piece_of_tet) {
   const auto& faces = body.surface.faces();
   piece_of_face.assign(faces.size(), 0);
   piece_of_node.assign(body.state.x.size(), -1);
-  const std::vector<int> of_tet = body.deformable ? label_pieces(body.model, body.state) : std::vector<int>();
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    if (body.deformable) piece_of_face[f] = of_tet[faces[f].id / 4];
+    if (body.deformable) piece_of_face[f] = piece_of_tet[faces[f].id / 4];
     for (const int n : faces[f].nodes) piece_of_node[n] = piece_of_face[f];
   }
+  start_.assign(body.state.x.size() + 1, 0);
+  nodes_.clear();
+  for (const SurfaceFace& f : faces) {
+    nodes_.push_back(f.nodes);
+    for (const int n : f.nodes) ++start_[n + 1];
+  }
+  std::partial_sum(start_.begin(), start_.end(), start_.begin());
+  face_at_.resize(3 * faces.size());
+  std::vector<int> fill(start_.begin(), start_.end() - 1);
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    for (const int n : faces[f].nodes) face_at_[fill[n]++] = static_cast<int>(f);
   nodes.clear();
   across.assign(faces.size(), {-1, -1, -1});
   struct Edge {
@@ -139,16 +147,13 @@ void SurfaceNormals::set_surface(const Body& body) {
 void SurfaceNormals::follow(const Body& body) {
   const auto& faces = body.surface.faces();
   face.resize(faces.size());
-  node.assign(body.state.x.size(), Vec3::Zero());
+  x_.resize(faces.size());
+  node_.resize(body.state.x.size());
+  known_.assign(body.state.x.size(), 0);
   for (std::size_t f = 0; f < faces.size(); ++f) {
-    const std::array<Vec3, 3> x = corners(faces[f].nodes, body.state.x);
+    const std::array<Vec3, 3>& x = x_[f] = corners(faces[f].nodes, body.state.x);
     face[f] = (x[1] - x[0]).cross(x[2] - x[0]).stableNormalized();
-    for (int c = 0; c < 3; ++c) {
-      const Vec3 u = x[(c + 1) % 3] - x[c], v = x[(c + 2) % 3] - x[c];
-      node[faces[f].nodes[c]] += std::atan2(u.cross(v).norm(), u.dot(v)) * face[f];
-    }
   }
-  for (const int n : nodes) node[n].stableNormalize();
   edge.resize(faces.size());
   for (std::size_t f = 0; f < faces.size(); ++f)
     for (int c = 0; c < 3; ++c) {
@@ -157,11 +162,24 @@ void SurfaceNormals::follow(const Body& body) {
     }
 }
 
+const Vec3& SurfaceNormals::node(int n) const {
+  if (known_[n]) return node_[n];
+  known_[n] = 1;
+  Vec3 sum = Vec3::Zero();
+  for (const int f : faces_at(n))
+    for (int c = 0; c < 3; ++c) {
+      if (nodes_[f][c] != n) continue;
+      const Vec3 u = x_[f][(c + 1) % 3] - x_[f][c], v = x_[f][(c + 2) % 3] - x_[f][c];
+      sum += std::atan2(u.cross(v).norm(), u.dot(v)) * face[f];
+    }
+  return node_[n] = sum.stableNormalized();
+}
+
 ContactFace SurfaceNormals::contact_face(const Body& body, int f, const std::array<Vec3, 3>& x) const {
   ContactFace out;
   out.x = x;
   out.edge = edge[f];
-  for (int c = 0; c < 3; ++c) out.corner[c] = node[body.surface.faces()[f].nodes[c]];
+  for (int c = 0; c < 3; ++c) out.corner[c] = node(body.surface.faces()[f].nodes[c]);
   return out;
 }
 
@@ -169,7 +187,7 @@ Vec3 SurfaceNormals::feature(const Body& body, int f, const std::array<double, 3
   const int zeros = (w[0] == 0) + (w[1] == 0) + (w[2] == 0);
   for (int c = 0; c < 3; ++c) {
     if (zeros == 1 && w[c] == 0 && across[f][c] >= 0) return face[f] + face[across[f][c]];
-    if (zeros == 2 && w[c] != 0) return node[body.surface.faces()[f].nodes[c]];
+    if (zeros == 2 && w[c] != 0) return node(body.surface.faces()[f].nodes[c]);
   }
   return face[f];
 }
@@ -184,25 +202,47 @@ double SurfaceNormals::distance(const Body& body, int f, const Vec3& x, std::spa
 }
 
 void BodyContactCandidateFinder::surface_changed(int body) {
-  if (body < static_cast<int>(changed_.size())) changed_[body] = 1;
+  if (body >= static_cast<int>(changed_.size())) return;
+  changed_[body] = 1;
+  pieces_[body].clear();
+  followed_[body] = 0;
+  for (std::size_t k = 0; k < pairs_.size(); ++k)
+    if (pairs_[k].faces == body) clear_[k].forget();
 }
 
-void BodyContactCandidateFinder::follow(const Bodies& bodies) {
+void BodyContactCandidateFinder::begin_step(const Bodies& bodies) {
   if (normals_.empty()) {
     normals_.resize(bodies.size());
-    changed_.assign(bodies.size(), 0);
-    for (const ContactPair& p : pairs_) changed_[p.points] = changed_[p.faces] = 1;
+    changed_.assign(bodies.size(), 1);
+    followed_.assign(bodies.size(), 0);
+    pieces_.resize(bodies.size());
+    clear_.resize(pairs_.size());
   }
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const bool named = std::any_of(pairs_.begin(), pairs_.end(), [&](const ContactPair& p) {
-      return p.points == static_cast<int>(b) || p.faces == static_cast<int>(b);
-    });
-    if (!named) continue;
-    if (changed_[b]) normals_[b].set_surface(bodies[b]);
-    const bool moves = bodies[b].deformable && !bodies[b].asleep;
-    if (changed_[b] || moves || normals_[b].node.empty()) normals_[b].follow(bodies[b]);
-    changed_[b] = 0;
-  }
+  for (std::size_t b = 0; b < bodies.size(); ++b)
+    if (bodies[b].deformable && !bodies[b].asleep) followed_[b] = 0;
+  for (std::size_t k = 0; k < pairs_.size(); ++k) clear_[k].follow(bodies[pairs_[k].faces].state.x);
+}
+
+void BodyContactCandidateFinder::follow(const Bodies& bodies, int body) {
+  if (followed_[body]) return;
+  if (pieces_[body].empty()) pieces_[body] = pieces_of(bodies[body]);
+  if (changed_[body]) normals_[body].set_surface(bodies[body], pieces_[body]);
+  normals_[body].follow(bodies[body]);
+  changed_[body] = 0;
+  followed_[body] = 1;
+}
+
+bool BodyContactCandidateFinder::is_one_piece(const Bodies& bodies, int body) {
+  if (pieces_[body].empty()) pieces_[body] = pieces_of(bodies[body]);
+  return std::all_of(pieces_[body].begin(), pieces_[body].end(), [](int piece) { return piece <= 0; });
+}
+
+bool BodyContactCandidateFinder::all_clear(const Bodies& bodies, int pair, std::span<const Vec3> x,
+                                           const Margin& margin, double way) const {
+  for (const SurfaceFace& f : bodies[pairs_[pair].points].surface.faces())
+    for (const int n : f.nodes)
+      if (!clear_[pair].clear(n, x[n], margin(pair, n), way)) return false;
+  return true;
 }
 
 void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Positions& positions,
@@ -213,10 +253,25 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   const auto& faces = bodies[p.faces].surface.faces();
   const std::span<const Vec3> x = positions(p.points), y = positions(p.faces);
   const auto &start = bodies[p.points].state.x, &other_start = bodies[p.faces].state.x;
-  if (own.nodes.empty() || faces.empty()) return;
-  const auto in_one = [&](int piece) { return piece == theirs.piece_of_face.front(); };
-  if (p.points == p.faces && std::all_of(theirs.piece_of_face.begin(), theirs.piece_of_face.end(), in_one))
-    return;
+  if (bodies[p.points].surface.faces().empty() || faces.empty()) return;
+  if (p.points == p.faces && is_one_piece(bodies, p.points)) return;
+  ClearNodes& clear = clear_[pair];
+  const double way = longest_way(other_start, y);
+  const bool at_start = x.data() == start.data() && y.data() == other_start.data();
+  // Nodes that a removal brought to the surface, one by one. What is nearer than `depth` may have sunk in.
+  int measured = 0;
+  for (const SurfaceFace& f : bodies[p.points].surface.faces())
+    for (const int n : f.nodes) {
+      if (!at_start || p.points == p.faces || measured >= most_measured) break;
+      if (clear.clear(n, x[n], margin(pair, n), 0)) continue;
+      const double distance = distance_to_all(x[n], faces, y);
+      const bool far = distance > std::max(margin(pair, n), depth);
+      if (far) clear.set(n, x[n], distance);
+      measured = far ? measured + 1 : most_measured;
+    }
+  if (all_clear(bodies, pair, x, margin, way)) return;
+  follow(bodies, p.points);
+  follow(bodies, p.faces);
 
   const std::vector<PieceExtent> own_pieces = extents(own, x, start);
   const std::vector<PieceExtent> pieces = p.points == p.faces ? own_pieces : extents(theirs, y, other_start);
@@ -225,12 +280,11 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
     double margin, radius;
   };
   std::vector<Asked> asked;
-  const bool at_start = x.data() == start.data() && y.data() == other_start.data();
   double reach = depth;
   Box points;
   for (const int n : own.nodes) {
     const double m = margin(pair, n);
-    if (!std::isfinite(m)) continue;
+    if (!std::isfinite(m) || clear.clear(n, x[n], m, way)) continue;
     // When the step begins, what has sunk through a wall by up to `depth` is still held; at its end a node
     // matters that is inside, or nearer than m.
     double moved = -1;
@@ -241,7 +295,10 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
       if (pieces[k].box.squaredExteriorDistance(x[n]) <= near * near)
         moved = std::max(moved, own_way + pieces[k].moved);
     }
-    if (moved < 0) continue;
+    if (moved < 0) {
+      if (at_start) clear.set(n, x[n], std::max(m, depth));
+      continue;
+    }
     asked.push_back({n, m, std::max(m, depth + moved)});
     reach = std::max(reach, asked.back().radius);
     points.extend(x[n]);
@@ -260,7 +317,11 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
     boxes.push_back(box);
     extent += box.diagonal().norm();
   }
-  if (near.empty()) return;
+  if (near.empty()) {
+    for (const Asked& a : asked)
+      if (at_start) clear.set(a.node, x[a.node], a.radius);
+    return;
+  }
   extent /= static_cast<double>(near.size());
   const Grid grid(overlap, std::max(extent, depth));
 
@@ -280,14 +341,11 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   };
   std::vector<Seen> seen;
   std::vector<int> visited(near.size(), -1);
-  std::optional<FacesAtNodes> at_node;
-  const auto any_against = [&](int node, const Vec3& direction) {
-    if (!at_node) at_node.emplace(bodies[p.points]);
-    return at_node->any_against(own, node, direction);
-  };
   for (const auto& [node, m, radius] : asked) {
     const int own_piece = p.points == p.faces ? own.piece_of_node[node] : -1;
     seen.clear();
+    double least = radius;  // from any face, whether it may be touched or not
+    bool met = false;
     const Box around(x[node] - Vec3::Constant(radius), x[node] + Vec3::Constant(radius));
     grid.cells_of(around, [&](int cell) {
       for (int i = cell_start_[cell]; i < cell_start_[cell + 1]; ++i) {
@@ -295,15 +353,16 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
         if (piece_of_near[k] == own_piece || visited[k] == node || !around.intersects(boxes[k])) continue;
         visited[k] = node;
         const int f = near[k];
-        const double height = theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]);
-        if (height < -depth) continue;
-        const bool from_front = height >= -resting;
-        if (theirs.face[f].dot(own.node[node]) > looks_the_same_way &&
-            !(from_front && (pieces.size() > 1 || any_against(node, theirs.face[f]))))
-          continue;
         const std::array<Vec3, 3> c = corners(faces[f].nodes, y);
         const auto w = nearest_on_triangle(x[node], c);
         const double distance = (x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2])).norm();
+        least = std::min(least, distance);
+        const double height = theirs.face[f].dot(start[node] - other_start[faces[f].nodes[0]]);
+        if (height < -depth) continue;
+        const bool from_front = height >= -resting;
+        if (theirs.face[f].dot(own.node(node)) > looks_the_same_way &&
+            !(from_front && (pieces.size() > 1 || any_against(own, node, theirs.face[f]))))
+          continue;
         if (distance > radius) continue;
         const double side =
             theirs.feature(bodies[p.faces], f, w).dot(x[node] - (w[0] * c[0] + w[1] * c[1] + w[2] * c[2]));
@@ -322,6 +381,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
           *std::min_element(of_piece.begin(), of_piece.end(),
                             [](const Seen& a, const Seen& b) { return a.distance < b.distance; });
       if (!(nearest.gap < m)) continue;
+      met = true;
       BodyContactCandidate e{pair, node, piece, m, nearest.gap, {}, {}, nearest.face, {}};
       // A node that is inside came through one of those that it was before, be others nearer now.
       for (const Seen& s : of_piece)
@@ -330,6 +390,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
       std::sort(e.faces.begin(), e.faces.end());
       out.push_back(std::move(e));
     }
+    if (at_start) clear.set(node, x[node], met ? ClearNodes::near : least);
   }
 }
 

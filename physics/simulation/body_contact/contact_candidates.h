@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "physics/simulation/body.h"
+#include "physics/simulation/body_contact/clear_nodes.h"
 #include "physics/simulation/body_contact/vertex_face_contact.h"
 
 namespace hapticd {
@@ -49,24 +50,40 @@ struct BodyContactCandidate {
   double looked_at = 0;     // until the bodies have travelled so far, it cannot overlap [m]
 };
 
+// The piece of each tetrahedron (fragments.h); empty for a rigid body.
+std::vector<int> pieces_of(const Body& body);
+
 // Normals of a body's surface, at the positions of the last `follow`.
-struct SurfaceNormals {
+class SurfaceNormals {
+ public:
   std::vector<int> nodes;                  // on the surface, ascending
   std::vector<std::array<int, 3>> across;  // per face: the face over the edge opposite each corner, or −1
   std::vector<int> piece_of_face;  // the connected piece it belongs to (fragments.h); 0 of a rigid body
   std::vector<int> piece_of_node;  // per mesh node; −1 off the surface
   std::vector<Vec3> face;          // unit
   std::vector<std::array<Vec3, 3>> edge;  // per face: pseudo-normals opposite each corner, unit
-  std::vector<Vec3> node;                 // angle-weighted, unit, per mesh node
 
-  void set_surface(const Body& body);
+  void set_surface(const Body& body) { set_surface(body, pieces_of(body)); }
+  void set_surface(const Body& body, std::span<const int> piece_of_tet);
   void follow(const Body& body);
+  // Angle-weighted, unit; zero off the surface. Few are ever asked for.
+  const Vec3& node(int n) const;
+  std::span<const int> faces_at(int n) const {
+    return std::span(face_at_).subspan(start_[n], start_[n + 1] - start_[n]);
+  }
   // (Pseudo-)normal at the feature of a face that these weights lie on; not unit on an edge.
   Vec3 feature(const Body& body, int face, const std::array<double, 3>& weight) const;
   // Of x from a face of nodes at y, negative on its tissue's side: beyond a convex edge x is not behind the
   // face, whatever its plane says [m].
   double distance(const Body& body, int face, const Vec3& x, std::span<const Vec3> y) const;
   ContactFace contact_face(const Body& body, int face, const std::array<Vec3, 3>& x) const;
+
+ private:
+  std::vector<int> start_, face_at_;       // faces by node
+  std::vector<std::array<Vec3, 3>> x_;     // corners of each face
+  std::vector<std::array<int, 3>> nodes_;  // … and which nodes they are
+  mutable std::vector<Vec3> node_;         // as far as they are known
+  mutable std::vector<std::uint8_t> known_;
 };
 
 // Positions of one body's nodes.
@@ -78,23 +95,33 @@ class BodyContactCandidateFinder {
   explicit BodyContactCandidateFinder(std::vector<ContactPair> pairs) : pairs_(std::move(pairs)) {}
 
   std::span<const ContactPair> pairs() const { return pairs_; }
+  // At the bodies' positions when the step began; of a pair, once `find` has looked for anything.
   const SurfaceNormals& normals(int body) const { return normals_[body]; }
 
   // After removals: the surface of this body is another.
   void surface_changed(int body);
 
-  // Normals at the bodies' present positions. First in each step.
-  void follow(const Bodies& bodies);
+  // First in each step.
+  void begin_step(const Bodies& bodies);
 
   // Appends the encounters of one pair whose gap is below the node's margin at these positions; nodes for
-  // which the margin is NaN are left out. Sorted by node, then piece.
+  // which the margin is NaN are left out. Sorted by node, then piece. Where no node can have come so near,
+  // nothing is looked for.
   void find(const Bodies& bodies, int pair, const Positions& x, const Margin& margin, double depth,
             double slack, std::vector<BodyContactCandidate>& out);
 
  private:
+  void follow(const Bodies& bodies, int body);
+  bool is_one_piece(const Bodies& bodies, int body);
+  // No node of the pair can have come within its margin.
+  bool all_clear(const Bodies& bodies, int pair, std::span<const Vec3> x, const Margin& margin,
+                 double way) const;
+
   std::vector<ContactPair> pairs_;
+  std::vector<ClearNodes> clear_;  // of each pair
   std::vector<SurfaceNormals> normals_;
-  std::vector<std::uint8_t> changed_;
+  std::vector<std::uint8_t> changed_, followed_;  // its surface since the last normals; they are of this step
+  std::vector<std::vector<int>> pieces_;          // of each body's tetrahedra; empty: not known
   // The grid: faces per cell, in one list.
   std::vector<int> cell_start_, cell_face_;
 };

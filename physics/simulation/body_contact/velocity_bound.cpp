@@ -58,9 +58,11 @@ struct PieceMotion {
 
 }  // namespace
 
-void correct_touching(Body& body, const VecX& contact_force, std::span<const int> near, double h) {
+void correct_touching(Body& body, const VecX& contact_force, std::span<const int> near, double h,
+                      const VecX* response) {
   const Within free_motion(body.times, StepPart::free_motion);
-  finish_free_motion(body, contact_force.isZero(0) ? nullptr : &contact_force);
+  finish_free_motion(body, response || contact_force.isZero(0) ? nullptr : &contact_force);
+  if (response) body.free.dx += *response;
   body.corrected.force = contact_force;
   EnergyLedger& e = body.energy;
   if (e.elastic.size() == 0) {

@@ -17,6 +17,7 @@
 namespace hapticd {
 
 // As correct() with `keeps_energy`, for a dynamic body. near: nodes of its that other pieces may touch.
-void correct_touching(Body& body, const VecX& contact_force, std::span<const int> near, double h);
+void correct_touching(Body& body, const VecX& contact_force, std::span<const int> near, double h,
+                      const VecX* response = nullptr);
 
 }  // namespace hapticd

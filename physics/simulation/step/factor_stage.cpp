@@ -35,7 +35,10 @@ void FactorStage::run(const StepContext& c, const InstrumentSamples& samples, St
     const bool settled = factors_in_step_ && c.bodies[b].free.ahead;  // with the zone of the step before
     if (!settled && (any_present(samples) || !c.contacts.nodes_of(b).empty())) follow(c, b, samples, {});
     ++report.awake_bodies;
-    if (!c.bodies[b].free.ahead) factor(c, b, report);
+    if (!c.bodies[b].free.ahead)
+      factor(c, b, report);
+    else if (c.contacts.any())
+      finish_free_motion(c.bodies[b], nullptr);
   }
 }
 

@@ -67,7 +67,7 @@ VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memo
   return f;
 }
 
-int correct_bodies(const StepContext& c, const VecX& patch_force) {
+int correct_bodies(const StepContext& c, const VecX& patch_force, std::span<const VecX> responses) {
   int bounded = 0;
   for (int b = 0; b < c.body_count(); ++b) {
     Body& body = c.bodies[b];
@@ -76,10 +76,12 @@ int correct_bodies(const StepContext& c, const VecX& patch_force) {
     VecX force = force_on_body(body, b, c.patch.nodes(), patch_force);
     const std::span<const int> near = c.contacts.nodes_of(b);
     if (c.contacts.any() && c.contacts.pushes(b)) c.contacts.add_forces(b, force);
+    const bool known = !responses.empty() && responses[b].size() > 0 && !force.isZero(0);
+    const VecX* response = known ? &responses[b] : nullptr;
     if (!near.empty() && c.settings.keeps_energy && body.model.dynamic)
-      correct_touching(body, force, near, c.settings.h);
+      correct_touching(body, force, near, c.settings.h, response);
     else
-      correct(body, force.isZero(0) ? nullptr : &force, c.settings.h, c.settings.keeps_energy);
+      correct(body, force.isZero(0) ? nullptr : &force, c.settings.h, c.settings.keeps_energy, response);
     bounded += body.energy.bounded_steps > 0;
   }
   return bounded;

@@ -35,8 +35,9 @@ VecX pull_on_patch(const CondensedProblem& problem);
 // The same of the forces remembered from another patch, found again by sample.
 VecX remembered_force(const CondensedProblem& problem, const ContactMemory& memory);
 
-// Moves all awake bodies; contacts between bodies push too. Returns how many were held back.
-int correct_bodies(const StepContext& c, const VecX& patch_force);
+// Moves all awake bodies; contacts between bodies push too. responses: C f of each body, where it is known;
+// else empty. Returns how many were held back.
+int correct_bodies(const StepContext& c, const VecX& patch_force, std::span<const VecX> responses = {});
 
 class InstrumentContact {
  public:

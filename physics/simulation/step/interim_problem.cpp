@@ -75,7 +75,7 @@ ContactSolution PublishedProblem::solve(const StepContext& c, const InstrumentPo
 
 bool has_interim_problem(const StepContext& c, const std::vector<std::vector<int>>& gone,
                          const InstrumentSamples& samples) {
-  if (!any_present(samples) || !c.contacts.empty() || c.settings.contact != Renewal::renewed) return false;
+  if (!any_present(samples) || c.contacts.any() || c.settings.contact != Renewal::renewed) return false;
   for (int b = 0; b < c.body_count(); ++b)
     if (!gone[b].empty() && c.bodies[b].model.corotational && !c.bodies[b].free.ahead) return false;
   return true;

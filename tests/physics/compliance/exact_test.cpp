@@ -222,6 +222,35 @@ TEST(ExactCompliance, RemovingElementsEqualsAssemblingWithoutThem) {
   EXPECT_EQ(C.topRows(3), MatX(MatX::Zero(3, 18)));  // the orphan
 }
 
+// Zones that mingle nodes of both pieces, in any order.
+TEST(ExactCompliance, PiecesAreFactoredEachByItself) {
+  const TissueModel model = held_box(3);
+  TissueState state = deformed(model, 8);
+  std::vector<int> middle(54);
+  std::iota(middle.begin(), middle.end(), 54);
+  remove_tets(model, state, middle);
+  const auto compliance = make_exact_compliance(model, h);
+  std::mt19937 random(9);
+  std::vector<int> nodes(model.node_count());
+  std::iota(nodes.begin(), nodes.end(), 0);
+  for (const int zone : {2, 5, 20, 60}) {
+    std::shuffle(nodes.begin(), nodes.end(), random);
+    compliance->move_zone(std::span(nodes).first(zone));
+    compliance->update(state);
+    expect_matches_dense(model, state, *compliance, {nodes.begin(), nodes.begin() + zone});
+    // Of the same factor, other nodes of its corner, and some outside it.
+    expect_matches_dense(model, state, *compliance,
+                         {nodes.begin() + zone / 2, nodes.begin() + std::min(zone + 4, 64)});
+    MatX C(3 * zone, 3 * zone);
+    compliance->patch(std::span(nodes).first(zone), C);
+    for (int i = 0; i < zone; ++i)
+      for (int j = 0; j < zone; ++j) {
+        if (nodes[i] / 32 == nodes[j] / 32) continue;
+        EXPECT_TRUE((C.block<3, 3>(3 * i, 3 * j).isZero(0)));
+      }
+  }
+}
+
 TEST(ExactCompliance, ABodyCutInTwoIsStillSolvable) {
   const TissueModel model = held_box(3);
   TissueState state = deformed(model, 6);

@@ -72,7 +72,7 @@ TEST(PatchInverse, APatchThatMovesOnUsesWhatIsKnown) {
     const std::vector<int> out = {3, 4, 5};
     const auto size = static_cast<Eigen::Index>(places.size());
     MatX block(3 * size, 3 * size);
-    inverse(L, places, out, Y, k > 0, block);
+    inverse(L, std::vector<int>{0}, places, out, Y, k > 0, block);
     double worst = 0;
     for (Eigen::Index i = 0; i < size; ++i)
       for (Eigen::Index j = 0; j < size; ++j) {

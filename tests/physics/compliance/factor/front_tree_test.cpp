@@ -64,6 +64,31 @@ TEST(FrontTree, TheZoneIsOneFrontInItsOrderAndOrphansAreRoots) {
   }
 }
 
+TEST(FrontTree, OfEachPieceTheZoneIsAFrontOfItsOwn) {
+  // Pieces 0 – 1 – 2 and 3 – 4, and 5; the zone 1, 4, 5 is in all three. Whatever is merged, the zone's
+  // fronts are the last, and have nothing in common.
+  const NodeGraph graph = graph_of(6, {{0, 1}, {1, 2}, {3, 4}});
+  for (const FrontCost& cost : {fronts_for_nothing, FrontCost{}, fronts_beyond_price}) {
+    const FrontTree tree =
+        front_tree(graph, std::vector<int>{0, 3, 2, 1, 4, 5}, 3, cost, ZoneFronts::each_piece);
+    ASSERT_GE(tree.fronts.size(), 3U);
+    const std::size_t first = tree.fronts.size() - 3;
+    for (std::size_t s = first; s < tree.fronts.size(); ++s) {
+      const FrontTree::Front& front = tree.fronts[s];
+      EXPECT_EQ(tree.order[front.first + front.width - 1], (std::vector<int>{1, 4, 5}[s - first]));
+      EXPECT_EQ(front.parent, -1);
+      EXPECT_TRUE(front.below.empty());
+    }
+    for (std::size_t s = 0; s < first; ++s)
+      EXPECT_EQ(tree.fronts[s].parent,
+                static_cast<int>(tree.order[tree.fronts[s].first] == 3 ? first + 1 : first));
+  }
+  // Of an order that mingles them, what has a piece in common is one front.
+  const FrontTree mingled =
+      front_tree(graph, std::vector<int>{1, 5, 0, 3, 2, 4}, 4, fronts_for_nothing, ZoneFronts::each_piece);
+  EXPECT_EQ(mingled.fronts.back().width, 4);
+}
+
 // At any price: every node once, children first, and whatever two nodes share is inside some front.
 TEST(FrontTree, EveryEliminationFitsItsFront) {
   std::mt19937 random(5);

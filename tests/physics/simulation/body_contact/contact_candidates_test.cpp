@@ -19,7 +19,7 @@ struct Scene {
   Scene(BodySettings points, BodySettings faces) {
     bodies.emplace_back(std::move(points), 0.02, Vec3::Zero());
     bodies.emplace_back(std::move(faces), 0.02, Vec3::Zero());
-    finder.follow(bodies);
+    finder.begin_step(bodies);
   }
   std::vector<BodyContactCandidate> find(double margin, double depth = 1e-3) {
     std::vector<BodyContactCandidate> out;
@@ -101,7 +101,9 @@ TEST(BodyContactCandidates, APointBeyondAConvexEdgeIsOutside) {
   Scene scene(block("other", Vec3(1e-3, 1e-3, 1e-3), {1, 1, 1}, soft, {Vec3(0.1, 0, 0), Quat::Identity()}),
               block("block", Vec3(2e-3, 2e-3, 2e-3), {1, 1, 1}, soft));
   const Body& body = scene.bodies[1];
-  const SurfaceNormals& normals = scene.finder.normals(1);
+  SurfaceNormals normals;
+  normals.set_surface(body);
+  normals.follow(body);
   const auto nearest = [&](const Vec3& x) {
     double d = 1;
     for (int f = 0; f < static_cast<int>(body.surface.faces().size()); ++f) {
@@ -132,7 +134,7 @@ TEST(BodyContactCandidates, FollowASurfaceThatIsEatenAway) {
   }
   remove_from(scene.bodies[1], top);
   scene.finder.surface_changed(1);
-  scene.finder.follow(scene.bodies);
+  scene.finder.begin_step(scene.bodies);
   EXPECT_TRUE(scene.find(1e-4).empty());
   const auto found = scene.find(2.1e-3);
   EXPECT_GE(found.size(), 9u);
@@ -179,13 +181,14 @@ TEST(BodyContactCandidates, ACornerThatLooksAsideIsSeenByTheFaceBelow) {
   const Vec3 corner(-1e-5, 3.3e-3, 5e-5), local(0, 0, 4e-3);
   Scene scene(block("block", Vec3(4e-3, 4e-3, 4e-3), {2, 2, 2}, soft, {corner - leaning * local, leaning}),
               ground);
+  const std::vector<BodyContactCandidate> found = scene.find(1e-4);
   int node = -1;
   for (const int n : scene.finder.normals(0).nodes)
     if ((scene.bodies[0].state.x[n] - corner).norm() < 1e-9) node = n;
   ASSERT_GE(node, 0);
-  EXPECT_GT(scene.finder.normals(0).node[node].z(), 0.2);
+  EXPECT_GT(scene.finder.normals(0).node(node).z(), 0.2);
   bool seen = false;
-  for (const BodyContactCandidate& e : scene.find(1e-4)) {
+  for (const BodyContactCandidate& e : found) {
     if (e.node != node) continue;
     seen = true;
     EXPECT_NEAR(e.gap, 5e-5, 1e-12);

@@ -79,7 +79,7 @@ TEST(PieceContact, HalvesSeeOneAnotherOnceTheyAreApart) {
   BodyContactCandidateFinder finder({ContactPair{0, 0, 0}});
   const auto found = [&] {
     std::vector<BodyContactCandidate> out;
-    finder.follow(bodies);
+    finder.begin_step(bodies);
     finder.find(
         bodies, 0, [&](int b) { return std::span<const Vec3>(bodies[b].state.x); },
         [](int, int) { return 1.5e-3; }, 2e-3, 0, out);

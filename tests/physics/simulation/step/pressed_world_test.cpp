@@ -18,9 +18,11 @@ class PressedWorld : public testing::Test {
   static InstrumentSample sample() { return {{Vec3(0.01, 0.01, 0.0215), Quat::Identity()}, true}; }
 
   static std::unique_ptr<World> world(bool corotational, const BodySettings* second = nullptr,
-                                      const RemovalSettings& removal = {}) {
+                                      const RemovalSettings& removal = {},
+                                      std::vector<ContactPair> pairs = {}) {
     WorldSettings s;
     s.removal[0] = removal;
+    s.body_contact.pairs = std::move(pairs);
     s.h = h;
     s.alarm_distance = 3e-3;
     s.sample_spacing = 1e-3;
@@ -65,6 +67,32 @@ class PressedWorld : public testing::Test {
                   });
   }
 };
+
+// Steps in which nothing can touch another are those of a world that names no pair: looked ahead, to the bit.
+TEST_F(PressedWorld, APairThatIsFarApartChangesNothing) {
+  BodySettings far = soft_block(3, true);
+  for (Vec3& x : far.mesh.nodes) x.x() += 1;
+  const auto alone = world(true, &far);
+  const auto paired = world(true, &far, {}, {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}});
+  const auto other = std::make_unique<CondensedProblem>();
+  for (int i = 0; i < 30; ++i) {
+    if (i == 20)
+      for (World* w : {alone.get(), paired.get()}) w->schedule_removal(0, under_tip(*w));
+    const StepReport a = step(*alone);
+    const int nodes = first->nodes;
+    *other = *first;
+    const StepReport b = step(*paired);
+    ASSERT_EQ(nodes, first->nodes);
+    const MatX C = first->C();
+    EXPECT_TRUE(C == other->C()) << i << ": " << (C - other->C()).norm() / C.norm();
+    double apart = 0;
+    for (int n = 0; n < nodes; ++n) apart = std::max(apart, (other->x_free[n] - first->x_free[n]).norm());
+    EXPECT_EQ(apart, 0) << i;
+    EXPECT_EQ(a.contact.wrench[0], b.contact.wrench[0]) << i;
+    EXPECT_EQ(a.interim, b.interim);
+    EXPECT_EQ(alone->wants_refresh(), paired->wants_refresh());
+  }
+}
 
 TEST_F(PressedWorld, PublishesAtOnceWhatItRemovesAndOnlyThen) {
   for (const bool corotational : {false, true}) {
