@@ -29,9 +29,8 @@ struct FrontTree {
     int parent = -1;         // front; -1: a root
     std::vector<int> below;  // places, ascending
   };
-  std::vector<int> order;  // nodes by place
-  std::vector<Front>
-      fronts;  // children before parents, each subtree contiguous but for the zone's fronts, last
+  std::vector<int> order;     // nodes by place
+  std::vector<Front> fronts;  // children before parents, each subtree contiguous; the zone's come last
 };
 
 struct FrontCost {

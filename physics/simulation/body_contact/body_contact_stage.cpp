@@ -14,7 +14,7 @@ constexpr double in_vain = 0.7;         // of what was left before
 constexpr int most_sliding = 40;        // solves with geometry held and friction free to change
 constexpr int most_held = 200;          // … and with friction held: the proof counts none
 constexpr int most_attempts = 40;       // at finding the nodes that a fast step brings into touch
-constexpr double settled_force = 1e-3;  // relative
+constexpr double settled_force = 1e-6;  // relative
 constexpr double settled_gap = 1e-7;    // [m]
 constexpr double held_gap = 1e-6;       // overlap that geometry held may leave [m]
 
