@@ -102,13 +102,13 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   report.occlusion = draw(samples, problem);
   const auto before = is_pulled(problem) ? std::optional(contact_.state) : std::nullopt;
   const std::optional<EachInstrument<Vec6>> last = wrenches_before_handover(samples, report);
-  for (;;) {
-    body_contact_.solve(context_, factors_, contact_, samples, problem, last, report);
+  for (bool draft = before.has_value();; draft = false) {
+    body_contact_.solve(context_, factors_, contact_, samples, problem, last, draft, report);
     if (!before || !usable(report.contact) ||
         !drawing_.again(instruments_, samples, report.contact.instrument, contact_.scratch().x, problem,
                         report.occlusion))
       break;
-    if (contacts().empty())
+    if (!contacts().any())
       contact_.go_back(context_, *before);
     else
       contact_.state = *before;
@@ -391,7 +391,7 @@ ContactSolution World::solve_unfrozen(const InstrumentSamples& samples, const Co
   StepReport report;
   set_patch_positions(bodies_, contact_.patch().nodes(), *problem);
   contact_.condense(context_, factors_, samples, *problem, report);
-  body_contact_.solve_once(context_, factors_, contact_, samples, *problem, {}, report);
+  body_contact_.solve_once(context_, factors_, contact_, samples, *problem, {}, false, report);
   contact_.state = before;
   return report.contact;
 }

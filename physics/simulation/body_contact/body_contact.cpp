@@ -112,17 +112,45 @@ void BodyContacts::start_from(int body, std::span<const Vec3> x) {
   Domain& d = domains_[body];
   std::vector<Vec3> to;
   for (const int n : d.nodes) to.push_back(x[n]);
-  travel(d, to);
+  last_way_ = std::max(last_way_, travel(d, to));
 }
 
-void BodyContacts::travel(Domain& d, std::span<const Vec3> x) {
+VecX BodyContacts::linearisation_point() const {
+  Eigen::Index size = 0, at = 0;
+  for (const Domain& d : domains_) size += 3 * static_cast<Eigen::Index>(d.linear.size()) * d.mobile;
+  VecX x(size);
+  for (const Domain& d : domains_)
+    if (d.mobile)
+      for (const Vec3& place : d.linear) {
+        x.segment<3>(at) = place;
+        at += 3;
+      }
+  return x;
+}
+
+void BodyContacts::go_to(const VecX& x) {
+  Eigen::Index at = 0;
+  double way = 0;
+  for (Domain& d : domains_) {
+    if (!d.mobile) continue;
+    std::vector<Vec3> to(d.linear.size());
+    for (Vec3& place : to) {
+      place = x.segment<3>(at);
+      at += 3;
+    }
+    way = std::max(way, travel(d, to));
+  }
+  last_way_ += way;
+}
+
+// Returns the longest way of anything there against anything that moves as much.
+double BodyContacts::travel(Domain& d, std::span<const Vec3> x) {
   double square = 0;
   for (std::size_t k = 0; k < d.nodes.size(); ++k) {
     square = std::max(square, (x[k] - d.linear[k]).squaredNorm());
     d.linear[k] = x[k];
   }
-  // Both sides of a gap may move by as much.
-  last_way_ = std::max(last_way_, 2 * std::sqrt(square));
+  return 2 * std::sqrt(square);  // both sides of a gap may move by as much
 }
 
 std::span<const BodyContacts::Remembered> BodyContacts::remembered(int pair, int node) const {

@@ -118,6 +118,10 @@ class BodyContacts {
   // From now on solves find normal forces alone; friction, and what a blade's edge bears, stay as they are.
   void hold_friction(bool held) { friction_held_ = held; }
 
+  // The linearisation point: where the domains' nodes are, one after another [m].
+  VecX linearisation_point() const;
+  void go_to(const VecX& x);
+
   // λ under the instrument's force on the patch's nodes (3·nodes); moves the linearisation point.
   void solve(const VecX& tool_force);
 
@@ -202,7 +206,7 @@ class BodyContacts {
   static VecX displacement(const Domain& d);
   void find_moved();
   void move();
-  void travel(Domain& d, std::span<const Vec3> x);
+  static double travel(Domain& d, std::span<const Vec3> x);
   void remember();
 
   BodyContactSettings settings_;

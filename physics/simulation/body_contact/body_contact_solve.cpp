@@ -189,7 +189,7 @@ void BodyContacts::move() {
     std::vector<Vec3> to = d.free;
     for (std::size_t k = 0; k < to.size(); ++k)
       to[k] += moved_[b].segment<3>(3 * static_cast<Eigen::Index>(k));
-    travel(d, to);
+    last_way_ = std::max(last_way_, travel(d, to));
   }
 }
 

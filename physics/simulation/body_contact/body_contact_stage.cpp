@@ -3,24 +3,29 @@
 #include <algorithm>
 #include <limits>
 
+#include "physics/simulation/body_contact/anderson_mixing.h"
+
 #include "physics/simulation/body_contact/instrument_side.h"
 
 namespace hapticd {
 namespace {
 
 constexpr int most_rounds = 16;         // with geometry renewed
+constexpr int rounds_of_draft = 2;      // as the instruments alone have in a scene without contacts
 constexpr int patience = 3;             // rounds in vain, after which geometry is held
 constexpr double in_vain = 0.7;         // of what was left before
 constexpr int most_sliding = 40;        // solves with geometry held and friction free to change
 constexpr int most_held = 200;          // … and with friction held: the proof counts none
 constexpr int most_attempts = 40;       // at finding the nodes that a fast step brings into touch
-constexpr double settled_force = 1e-6;  // relative
+constexpr double settled_force = 1e-4;  // relative: friction is solved to 1e-5 of it
 constexpr double settled_gap = 1e-7;    // [m]
 constexpr double held_gap = 1e-6;       // overlap that geometry held may leave [m]
 
 // Rounds of a solve, and whether they come to an end.
 class Rounds {
  public:
+  explicit Rounds(int most) : most_(most) {}
+
   // left: what has not settled, in its tolerance.
   void end(double left) {
     ++count_;
@@ -29,11 +34,11 @@ class Rounds {
     best_ = std::min(best_, left);
   }
   bool settled() const { return left_ <= 1; }
-  bool go_on() const { return !settled() && count_ < most_rounds && since_ < patience; }
+  bool go_on() const { return !settled() && count_ < most_ && since_ < patience; }
   int count() const { return count_; }
 
  private:
-  int count_ = 0, since_ = 0;
+  int most_, count_ = 0, since_ = 0;
   double left_ = 2, best_ = std::numeric_limits<double>::infinity();
 };
 
@@ -134,16 +139,30 @@ void BodyContactStage::hold_geometry(const StepContext& c, const std::function<v
   report.capped = deepest > 0 || unsolved();
 }
 
+// Of bodies and instruments [m].
+VecX BodyContactStage::linearisation_point() const {
+  const VecX x = contacts_.linearisation_point(), X = tool_->linearisation_point();
+  VecX both(x.size() + X.size());
+  both << x, X;
+  return both;
+}
+
+void BodyContactStage::linearise_at(const VecX& point) {
+  contacts_.go_to(point.head(point.size() - InstrumentSide::point_size));
+  tool_->go_to(point.tail(InstrumentSide::point_size));
+}
+
 void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
                                   const InstrumentSamples& samples, const CondensedProblem& problem,
-                                  const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
+                                  const std::optional<EachInstrument<Vec6>>& last, bool draft,
+                                  StepReport& report) {
   if (!contacts_.any()) return contact.solve(c, samples, problem, last, report);
   begin_solve(c, factors, samples, problem, report);
   contacts_.report().held = contacts_.report().friction_held = contacts_.report().capped = false;
   const bool goes_on = known_end_ && tool_;
   if (!goes_on) tool_force_ = remembered_force(problem, contact.state.solver.memory);
   VecX& force = tool_force_;
-  Rounds rounds;
+  Rounds rounds(draft ? rounds_of_draft : most_rounds);
   const auto solved = [&] { return contacts_.report().status == SolveStatus::solved; };
   double first = 0;
   if (!goes_on && is_pulled(problem)) {
@@ -159,17 +178,24 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
                                                contact.scratch());
     InstrumentSide& tool = *tool_;
     const auto solve = [&] { force = contacts_.solve_with(problem, contact.scratch().rows, tool.lambda); };
+    AndersonMixing mixing;
+    VecX end;
     do {
-      const VecX before = force;
+      const VecX before = force, begin = linearisation_point();
       tool.linearise(contacts_);
       solve();
       tool.follow();
-      const double off = contacts_.linearise(c.bodies), size = std::max(force.norm(), before.norm());
+      end = linearisation_point();
+      const VecX next = mixing.next(begin, end);
+      linearise_at(next);
+      const double off = contacts_.linearise(c.bodies) + (next - end).cwiseAbs().maxCoeff();
+      const double size = std::max(force.norm(), before.norm());
       const double change = size > 0 ? (force - before).norm() / size : 0;
       rounds.end(std::max(off / settled_gap, change / settled_force));
     } while (rounds.go_on() && solved());
+    if (!rounds.settled()) linearise_at(end);
     contacts_.report().rounds = rounds.count();
-    if (!rounds.settled() || !solved()) hold_geometry(c, solve);
+    if (!draft && (!rounds.settled() || !solved())) hold_geometry(c, solve);
     report.contact = tool.finish(contacts_);
   } else {
     contact.solve(c, samples, problem, last, report);
@@ -179,7 +205,7 @@ void BodyContactStage::solve_once(const StepContext& c, FactorStage& factors, In
       rounds.end(contacts_.linearise(c.bodies) / settled_gap);
     }
     contacts_.report().rounds = rounds.count();
-    if (!rounds.settled() || !solved()) hold_geometry(c, [&] { contacts_.solve(force); });
+    if (!draft && (!rounds.settled() || !solved())) hold_geometry(c, [&] { contacts_.solve(force); });
   }
   contact.state.patch_force = force + pull_on_patch(problem);
 }
@@ -213,7 +239,8 @@ void BodyContactStage::wake_touched(const StepContext& c, FactorStage& factors,
 
 void BodyContactStage::solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
                              const InstrumentSamples& samples, const CondensedProblem& problem,
-                             const std::optional<EachInstrument<Vec6>>& last, StepReport& report) {
+                             const std::optional<EachInstrument<Vec6>>& last, bool draft,
+                             StepReport& report) {
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
   // A step's second solve, with suction of another size, goes on from where the first took the bodies.
@@ -224,13 +251,15 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
   int missing = 0;
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     contact.state.solver = before;
-    solve_once(c, factors, contact, samples, problem, last, report);
+    solve_once(c, factors, contact, samples, problem, last, draft, report);
+    if (draft && !contacts_.any()) break;
     for (int b = 0; b < c.body_count(); ++b)
       if (contacts_.names(b)) predict_end(c, b, contact.state.patch_force);
     known_end_ = true;
     const Positions end = [&](int b) {
       return std::span<const Vec3>(is_awake(c.bodies[b]) ? x_end_[b] : c.bodies[b].state.x);
     };
+    if (draft) break;
     missing = contacts_.join_missed(c.bodies, end);
     if (missing == 0) break;
     wake_touched(c, factors, samples);

@@ -2,7 +2,8 @@
 //
 //   find      who may touch whom, before the zones are chosen
 //   solve     [rows of the instrument and of the bodies at the last solve's state → one solve of all] …
-//             until neither force nor geometry changes; where they go round in circles, geometry is held
+//             until neither force nor geometry changes (anderson_mixing.h); where they go round in circles,
+//             geometry is held
 //   condense  contacts at the state just reached and under its free motion, eliminated from what is published
 //
 // Taking turns instead (bodies given the force, the instrument on their condensed response) does not
@@ -35,15 +36,16 @@ class BodyContactStage {
   // Who sleeps and is touched by what moves wakes.
   void find(Bodies& bodies);
 
-  // last: InstrumentContact::solve.
+  // last: InstrumentContact::solve. draft: it only tells where suction will draw, in two rounds and with the
+  // contacts that are known; another solve follows, and goes on from where this one ended.
   void solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
              const InstrumentSamples& samples, const CondensedProblem& problem,
-             const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
+             const std::optional<EachInstrument<Vec6>>& last, bool draft, StepReport& report);
 
   // One attempt of it, with the contacts that are known.
   void solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
                   const InstrumentSamples& samples, const CondensedProblem& problem,
-                  const std::optional<EachInstrument<Vec6>>& last, StepReport& report);
+                  const std::optional<EachInstrument<Vec6>>& last, bool draft, StepReport& report);
 
   // Of each body's nodes, to the forces of the last solve; empty: not known.
   std::span<const VecX> responses() const { return responses_; }
@@ -55,6 +57,8 @@ class BodyContactStage {
   void begin_solve(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples,
                    const CondensedProblem& problem, StepReport& report);
   void hold_geometry(const StepContext& c, const std::function<void()>& solve);
+  VecX linearisation_point() const;
+  void linearise_at(const VecX& point);
   void predict_end(const StepContext& c, int body, const VecX& patch_force);
   void wake_touched(const StepContext& c, FactorStage& factors, const InstrumentSamples& samples);
 

@@ -288,7 +288,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
     // When the step begins, what has sunk through a wall by up to `depth` is still held; at its end a node
     // matters that is inside, or nearer than m.
     double moved = -1;
-    const double own_way = own_pieces[own.piece_of_node[n]].moved;
+    const double own_way = (x[n] - start[n]).norm();
     for (int k = 0; k < static_cast<int>(pieces.size()); ++k) {
       if (p.points == p.faces && k == own.piece_of_node[n]) continue;
       const double near = std::max(m, at_start ? depth : 0);

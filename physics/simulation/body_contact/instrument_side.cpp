@@ -9,6 +9,7 @@ namespace hapticd {
 namespace {
 
 constexpr double least_margin = 1e-6;  // [m]
+constexpr double arm = 5e-3;           // that a turn is measured at [m]
 
 }  // namespace
 
@@ -60,6 +61,26 @@ void InstrumentSide::linearise(const BodyContacts& contacts) {
 void InstrumentSide::follow() {
   remember(working_);
   if (!frozen_) X_ = placed_by(start_, wrench());
+}
+
+VecX InstrumentSide::linearisation_point() const {
+  const EachInstrument<Vec6> d = difference(X_, start_.X_free);
+  VecX out(point_size);
+  for (int i = 0; i < max_instruments; ++i) {
+    out.segment<6>(6 * i) = d[i];
+    out.segment<3>(6 * i + 3) *= arm;
+  }
+  return out;
+}
+
+void InstrumentSide::go_to(const VecX& d) {
+  if (frozen_) return;
+  EachInstrument<Vec6> moved;
+  for (int i = 0; i < max_instruments; ++i) {
+    moved[i] = d.segment<6>(6 * i);
+    moved[i].tail<3>() /= arm;
+  }
+  X_ = displaced(start_.X_free, moved);
 }
 
 ContactSolution InstrumentSide::finish(const BodyContacts& contacts) {

@@ -24,6 +24,11 @@ class InstrumentSide {
   // After a solve: the instrument goes to where its forces put it.
   void follow();
 
+  // Where the instruments are linearised next, from where they would be free: turns at 5 mm [m].
+  static constexpr int point_size = 6 * max_instruments;
+  VecX linearisation_point() const;
+  void go_to(const VecX& d);
+
   // Leaves memory and coupling offset for the next step.
   ContactSolution finish(const BodyContacts& contacts);
 

@@ -192,7 +192,7 @@ void InstrumentContact::solve(const StepContext& c, const InstrumentSamples& sam
     // With the pull of where this one ends, contact is solved again (World::finish_step).
     if (again)
       options.turned = turned;
-    else if (c.contacts.empty() && is_pulled(problem))
+    else if (!c.contacts.any() && is_pulled(problem))
       options.linearisations = 2;
     for (int p = 1; p <= parts; ++p)
       solve_contact(problem, c.instruments, displaced(from, way, p / (parts + 1)), settings.h, options,
