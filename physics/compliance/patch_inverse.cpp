@@ -195,8 +195,10 @@ void PatchInverse::gather(std::span<const int> places, Eigen::Ref<MatX> block) c
       }
       const Rows& own = rows_[piece_of_[places[i]]];
       const int a = own.row[places[i] - own.start], b = own.row[places[j] - own.start];
-      if (a >= b)
+      if (a > b)
         entry = -own.C.block<3, 3>(a, b);
+      else if (a == b)  // on the diagonal, or a node that the patch names twice
+        entry = -Mat3(own.C.block<3, 3>(a, a).selfadjointView<Eigen::Lower>());
       else
         entry = -own.C.block<3, 3>(b, a).transpose();
     }

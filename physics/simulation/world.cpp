@@ -102,13 +102,13 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   report.occlusion = draw(samples, problem);
   const auto before = is_pulled(problem) ? std::optional(contact_.state) : std::nullopt;
   const std::optional<EachInstrument<Vec6>> last = wrenches_before_handover(samples, report);
-  for (bool draft = before.has_value();; draft = false) {
+  for (bool draft = before && !contacts().empty();; draft = false) {
     body_contact_.solve(context_, factors_, contact_, samples, problem, last, draft, report);
-    if (!before || !usable(report.contact) ||
-        !drawing_.again(instruments_, samples, report.contact.instrument, contact_.scratch().x, problem,
-                        report.occlusion))
-      break;
-    if (!contacts().any())
+    const bool again = before && usable(report.contact) &&
+                       drawing_.again(instruments_, samples, report.contact.instrument, contact_.scratch().x,
+                                      problem, report.occlusion);
+    if (!again && !draft) break;
+    if (again && !contacts().any())
       contact_.go_back(context_, *before);
     else
       contact_.state = *before;

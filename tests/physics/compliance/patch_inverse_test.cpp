@@ -48,6 +48,23 @@ TEST(PatchInverse, OfPiecesThatMingleIsThatOfEach) {
   EXPECT_LT(worst, 1e-9 * expected.norm());
 }
 
+// Whatever tiles of the kernels its rows lie across.
+TEST(PatchInverse, ANodeThatIsNamedTwiceHasItsOwnBlockTwice) {
+  constexpr int nodes = 12;
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal;
+  MatX A(3 * nodes, 3 * nodes);
+  for (Eigen::Index i = 0; i < A.size(); ++i) A.data()[i] = normal(random);
+  A = A * A.transpose() + MatX::Identity(3 * nodes, 3 * nodes);
+  const MatX L = A.llt().matrixL(), expected = A.inverse();
+  std::vector<int> places(2 * nodes);
+  for (int k = 0; k < 2 * nodes; ++k) places[k] = k % nodes;
+  MatX block(6 * nodes, 6 * nodes);
+  PatchInverse inverse;
+  inverse(L, places, block);
+  EXPECT_LT((block - expected.replicate(2, 2)).norm(), 1e-9 * expected.norm());
+}
+
 // Patches that move on over one factor, with nodes outside its corner: each is what the whole inverse has.
 TEST(PatchInverse, APatchThatMovesOnUsesWhatIsKnown) {
   constexpr int outside = 3, corner = 90, nodes = outside + corner;
