@@ -2,9 +2,9 @@
 //
 //   f_k = g(z_k) − z_k,  γ = argmin ‖f_k − ΔF γ‖,  z_k+1 = g(z_k) − ΔG γ        (ΔF, ΔG: last differences)
 //
-// What it settles at stays a fixed point of g. Where f grew, or z_k+1 would be more than five times ‖f_k‖
-// from g(z_k), z_k+1 = g(z_k), and the history begins again. Units: z's, all of it in the same. Errors: none.
-// Source: Anderson 1965; Walker and Ni 2011.
+// What it settles at is a fixed point of g. z and g: one size, one unit. The history begins again with
+// z_k+1 = g(z_k) where f grew or the size changed, and where z_k+1 would be more than 5 ‖f_k‖ from g(z_k).
+// Errors: none. Source: Anderson 1965; Walker and Ni 2011.
 #pragma once
 
 #include "physics/types.h"

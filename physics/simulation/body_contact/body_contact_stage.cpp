@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "physics/simulation/body_contact/anderson_mixing.h"
-
 #include "physics/simulation/body_contact/instrument_side.h"
 
 namespace hapticd {

@@ -273,8 +273,7 @@ void BodyContactCandidateFinder::find(const Bodies& bodies, int pair, const Posi
   follow(bodies, p.points);
   follow(bodies, p.faces);
 
-  const std::vector<PieceExtent> own_pieces = extents(own, x, start);
-  const std::vector<PieceExtent> pieces = p.points == p.faces ? own_pieces : extents(theirs, y, other_start);
+  const std::vector<PieceExtent> pieces = extents(theirs, y, other_start);
   struct Asked {
     int node;
     double margin, radius;
