@@ -2,6 +2,7 @@
 //
 // Each chart is run as a program of its own, so that what one leaves in memory and caches does not colour the
 // next. A chart that fails is said so on the page and in the exit code; the others are still made.
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>

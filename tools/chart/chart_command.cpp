@@ -1,4 +1,5 @@
 // haptic chart: measurements of the methods themselves, without a daemon.
+#include <CLI/CLI.hpp>
 #include <vector>
 
 #include "tools/cli/command.h"

@@ -1,4 +1,5 @@
 // haptic chart merge: parts of a run, made with --shard, as the figures of one.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <map>

@@ -1,5 +1,6 @@
 #include "tools/chart/shard.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <sstream>

@@ -4,9 +4,12 @@
 // UsageError or InputError for 2, anything else for 1.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <stdexcept>
+
+namespace CLI {
+class App;
+}
 
 namespace hapticd {
 
@@ -21,9 +24,7 @@ struct Command {
 };
 
 // For OutputRule (server/files/output_file.h).
-inline void add_force_option(CLI::App& command, bool& force) {
-  command.add_flag("--force", force, "write over files that are there already");
-}
+void add_force_option(CLI::App& command, bool& force);
 
 Command add_replay(CLI::App& application);
 Command add_hand(CLI::App& application);

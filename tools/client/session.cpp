@@ -1,5 +1,6 @@
 #include "tools/client/session.h"
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>

@@ -1,7 +1,6 @@
 // What the commands that act as a device have in common: their options, their run and their report.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <optional>
 #include <string>
@@ -11,6 +10,10 @@
 #include "tools/client/client.h"
 #include "tools/client/monitor.h"
 #include "tools/client/stall_watch.h"
+
+namespace CLI {
+class App;
+}
 
 namespace hapticd {
 

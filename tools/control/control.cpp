@@ -1,4 +1,5 @@
 // haptic reset, haptic reload: what a person asks of a running daemon (server/dds/command.h).
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 

@@ -1,6 +1,7 @@
 // haptic_device: drives one haptic device, or lists what there is. `haptic device` becomes this program.
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 #include <cstring>

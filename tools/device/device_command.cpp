@@ -1,6 +1,7 @@
 // haptic device: becomes haptic_device, so that no maker's library is ever loaded beside what is under the GPL.
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstring>
 #include <fstream>

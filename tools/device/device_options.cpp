@@ -1,5 +1,7 @@
 #include "tools/device/device_options.h"
 
+#include <CLI/CLI.hpp>
+
 namespace hapticd {
 namespace {
 

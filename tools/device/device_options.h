@@ -2,10 +2,13 @@
 // haptic_device, the program that it becomes.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 
 #include "tools/device/device_kinds.h"
+
+namespace CLI {
+class App;
+}
 
 namespace hapticd {
 

@@ -1,5 +1,6 @@
 #include "tools/doctor/doctor.h"
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
 #include <memory>

@@ -1,4 +1,5 @@
 // haptic mesh: what a mesh is like, whether hapticd runs on it, what can be repaired, and a scene for it.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <fstream>

@@ -1,4 +1,5 @@
 // haptic chart cut: what cuts cost, and whether the force of cutting is what fracture mechanics says.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <memory>

@@ -1,4 +1,5 @@
 // haptic chart economy: what chart_economy.h measures, of the shipped economy scenes or of any.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

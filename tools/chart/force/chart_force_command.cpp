@@ -1,4 +1,5 @@
 // haptic chart force: options, figures and pictures of chart_force.h.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <memory>

@@ -1,4 +1,5 @@
 // haptic chart pieces: what keeping pieces of tissue apart costs, and how well it does.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <memory>

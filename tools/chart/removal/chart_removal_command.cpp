@@ -1,5 +1,6 @@
 // haptic chart removal: what removing an element, or a cut, costs each method, its table, figures and
 // picture.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 #include <sstream>

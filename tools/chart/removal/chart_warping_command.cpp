@@ -1,4 +1,5 @@
 // haptic chart warping: options, figures and picture of chart_warping.h.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

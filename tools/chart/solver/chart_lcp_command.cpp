@@ -1,4 +1,5 @@
 // haptic chart lcp: the command around chart_lcp.h and the replay of captured problems.
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>

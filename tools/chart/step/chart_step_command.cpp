@@ -1,5 +1,6 @@
 // haptic chart step: what a step costs, over size, model and compliance; what a haptic tick costs; and the
 // factorisation against CHOLMOD's (chart_step.h, chart_tick.h, chart_factor.h).
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <memory>

@@ -1,4 +1,5 @@
 // haptic chart tissue: the checks of tissue_check.h, and strokes into two lenses (stroke_trial.h).
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <cmath>
