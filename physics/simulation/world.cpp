@@ -102,11 +102,13 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   report.occlusion = draw(samples, problem);
   const auto before = is_pulled(problem) ? std::optional(contact_.state) : std::nullopt;
   const std::optional<EachInstrument<Vec6>> last = wrenches_before_handover(samples, report);
+  const PatchPositions& x = contact_.scratch().x;
+  const auto drawn = [&] { return before && usable(report.contact); };
+  const auto throws = [&] { return drawn() && drawing_.throws(instruments_, x, problem); };
   for (bool draft = before && !contacts().empty();; draft = false) {
-    body_contact_.solve(context_, factors_, contact_, samples, problem, last, draft, report);
-    const bool again = before && usable(report.contact) &&
-                       drawing_.again(instruments_, samples, report.contact.instrument, contact_.scratch().x,
-                                      problem, report.occlusion);
+    body_contact_.solve(context_, factors_, contact_, samples, problem, last, draft, throws, report);
+    const bool again = drawn() && drawing_.again(instruments_, samples, report.contact.instrument, x, problem,
+                                                 report.occlusion);
     if (!again && !draft) break;
     if (again && !contacts().any())
       contact_.go_back(context_, *before);
@@ -125,8 +127,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
   flow(samples, report);
 
   // What will be cut next is not foreseen, nor where what touches will be; and a cut starts the step afresh.
-  const bool ahead = prediction_.active() && !report.split && !contacts().any();
-  looked_ahead_ = ahead;
+  const bool ahead = looked_ahead_ = prediction_.active() && !report.split && !contacts().any();
   factors_.renew(context_, ahead, report);
   if (settings_.fresh_free_motion) contact_.place(context_, problem);
   body_contact_.condense(bodies_, contact_.state.patch_force, problem, report);
@@ -135,8 +136,7 @@ const StepReport& World::finish_step(const InstrumentSamples& newest, CondensedP
     const std::vector<int> foreseen =
         prediction_.foresee(context_, factors_, problem, samples, contact_.state.solver, removing_);
     remove_suction(problem);
-    const bool fewer = remove_ahead(foreseen, samples, report);
-    if (fewer) gather(samples, true, problem, report);
+    if (remove_ahead(foreseen, samples, report)) gather(samples, true, problem, report);
     for (const int b : foreseen) prediction_.linearise(context_, factors_, b, samples, report);
     contact_.condense(context_, factors_, samples, problem, report);
     contact_.place(context_, problem);

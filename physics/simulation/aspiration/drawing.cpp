@@ -36,6 +36,12 @@ EachInstrument<double> Drawing::begin(Instruments instruments, const InstrumentS
   return occlusion;
 }
 
+bool Drawing::throws(Instruments instruments, const PatchPositions& x,
+                     const CondensedProblem& problem) const {
+  EachInstrument<Grip> grip = *grip_;
+  return solves_ < most_solves && let_go(problem, instruments, problem.x_now, x, grip);
+}
+
 bool Drawing::again(Instruments instruments, const InstrumentSamples& samples, const InstrumentPoses& X,
                     const PatchPositions& x, CondensedProblem& problem, EachInstrument<double>& occlusion) {
   const EachInstrument<InstrumentReference> drawn = problem.instrument;

@@ -23,6 +23,9 @@ class Drawing {
                                const InstrumentPoses& X, const InstrumentPoses& next,
                                CondensedProblem& problem);
 
+  // Whether a solve that ended at x has thrown what is to be let go: `again` will say so.
+  bool throws(Instruments instruments, const PatchPositions& x, const CondensedProblem& problem) const;
+
   // After a solve that ended at X, x: whether it is to be made again, with the pull that problem then has.
   // At first it is; later only where more has been thrown.
   bool again(Instruments instruments, const InstrumentSamples& samples, const InstrumentPoses& X,

@@ -239,7 +239,7 @@ void BodyContactStage::wake_touched(const StepContext& c, FactorStage& factors,
 void BodyContactStage::solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
                              const InstrumentSamples& samples, const CondensedProblem& problem,
                              const std::optional<EachInstrument<Vec6>>& last, bool draft,
-                             StepReport& report) {
+                             const std::function<bool()>& in_vain, StepReport& report) {
   if (contacts_.empty()) return contact.solve(c, samples, problem, last, report);
   const ContactState before = contact.state.solver;
   // A step's second solve, with suction of another size, goes on from where the first took the bodies.
@@ -251,7 +251,7 @@ void BodyContactStage::solve(const StepContext& c, FactorStage& factors, Instrum
   for (int attempt = 0; attempt < most_attempts; ++attempt) {
     contact.state.solver = before;
     solve_once(c, factors, contact, samples, problem, last, draft, report);
-    if (draft && !contacts_.any()) break;
+    if (draft ? !contacts_.any() : in_vain()) break;
     for (int b = 0; b < c.body_count(); ++b)
       if (contacts_.names(b)) predict_end(c, b, contact.state.patch_force);
     known_end_ = true;

@@ -37,10 +37,12 @@ class BodyContactStage {
   void find(Bodies& bodies);
 
   // last: InstrumentContact::solve. draft: it only tells where suction will draw, in two rounds and with the
-  // contacts that are known; another solve follows, and goes on from where this one ended.
+  // contacts that are known; another solve follows, and goes on from where this one ended. in_vain: whether
+  // what was just solved is to be made again whatever joins; then nothing is looked for.
   void solve(const StepContext& c, FactorStage& factors, InstrumentContact& contact,
              const InstrumentSamples& samples, const CondensedProblem& problem,
-             const std::optional<EachInstrument<Vec6>>& last, bool draft, StepReport& report);
+             const std::optional<EachInstrument<Vec6>>& last, bool draft,
+             const std::function<bool()>& in_vain, StepReport& report);
 
   // One attempt of it, with the contacts that are known.
   void solve_once(const StepContext& c, FactorStage& factors, InstrumentContact& contact,

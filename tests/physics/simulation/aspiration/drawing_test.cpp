@@ -34,6 +34,7 @@ struct DrawingOf : testing::Test {
     X.present[0] = true;
     occlusion = drawing.begin(tip, hand, X, X, *problem);
   }
+  bool throws() const { return drawing.throws(tip, x, *problem); }
   bool again() { return drawing.again(tip, hand, X, x, *problem, occlusion); }
   double pull() const {
     double sum = 0;
@@ -84,7 +85,9 @@ TEST_F(DrawingOf, WhatIsThrownIsNotPulledOn) {
   ASSERT_TRUE(again());
   const double whole = pull();
   ASSERT_NEAR(whole, vacuum * port_area, 1e-12);
+  EXPECT_FALSE(throws());
   x[left] += Vec3(0, 12e-3, 0);
+  EXPECT_TRUE(throws());
   EXPECT_TRUE(again());
   EXPECT_TRUE(problem->pull[left].isZero(0)) << problem->pull[left];
   EXPECT_FALSE(problem->pull[right].isZero(0));
@@ -104,7 +107,9 @@ TEST_F(DrawingOf, Ends) {
   int solves = 1;
   for (const int n : {60, 59, 61, 49, 71, 48, 50}) {
     x[n] += Vec3(0, 12e-3, 0);
-    solves += again();
+    const bool thrown = throws(), more = again();
+    EXPECT_EQ(thrown, solves > 1 && more) << "the first is made again whatever it throws";
+    solves += more;
   }
   EXPECT_EQ(solves, 5);
 }
