@@ -116,8 +116,8 @@ TEST_F(PressedWorld, APairThatIsFarApartChangesNothingUnderSuction) {
   }
 }
 
-// A crumb at the edge of a port's reach is drawn under it, which throws it deep into the block; what that would
-// bring into touch is not looked for, as it is to be let go.
+// A crumb at the edge of a port's reach is drawn under it, which throws it deep into the block; what that
+// would bring into touch is not looked for, as it is to be let go.
 TEST_F(PressedWorld, WhatIsToBeLetGoJoinsNothing) {
   BodySettings crumb = soft_block(1, true);
   crumb.fixed_nodes.clear();
