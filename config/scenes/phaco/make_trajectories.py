@@ -3,7 +3,7 @@
 
   sculpt   a groove along y, half as wide again as the tip but at its bottom, then one along x, each deeper pass by
            pass; walls are bevelled for what leans over them: the left one for the chopper, near ones for the shaft
-  crack    tip and chopper push the walls of a groove apart, at four places of the first and six of the second
+  crack    tip and chopper push the walls of a groove apart, at four places of each
   remove   row by row from front to back, until little is left; the chopper waits outside
 
 How hands move: ../hands.py. Places in mm, in the scene's frame.
@@ -117,10 +117,9 @@ def crack(plan, other):
 
 
 def crack_across(plan, other):
-    # The last of each half is wider: should its bridge have held, it goes then.
-    for x, by in ((1.7, 1.5), (0.9, 1.5), (1.2, 1.8), (-0.9, 1.5), (-1.7, 1.5), (-1.2, 1.8)):
+    for x in (1.7, 0.9, -0.9, -1.7):
         floor = back(x, 0) + FLOOR
-        push_apart(plan, other, (x, -0.45, floor + TIP + STROKE), (x, 0.45, floor + 0.35), (0, -1, 0), by)
+        push_apart(plan, other, (x, -0.45, floor + TIP + STROKE), (x, 0.45, floor + 0.35), (0, -1, 0), 1.5)
 
 
 def remove(plan):
